@@ -2,6 +2,8 @@
 
 pub mod answers;
 pub mod form;
+pub mod remark;
+pub mod times;
 
 use std::path::Path;
 

@@ -5,17 +5,17 @@
 use serde::{Deserialize, Serialize};
 
 use crate::draft::answers::{
-    Amiss, Answers, CLOSING_TIME, DISCHARGE_HEAD, Drafted, INNER_DIAMETER, LENGTH, Measured, NOT_GIVEN, PLACE, RATE,
+    Amiss, Answers, CLOSING_TIME, DISCHARGE_HEAD, Drafted, INNER_DIAMETER, LENGTH, Measured, NOT_GIVEN, PLACE,
     TEMPERATURE, WALL, flow, material, supply,
 };
+use crate::draft::remark::{Remark, Weight, taken};
+use crate::draft::times::Times;
 use crate::draft::{Said, contradictions, has_flow, meant};
 use crate::rig::check::{Level, check};
 use crate::rig::draft::{Draft, Told};
 use crate::rig::sizes::{EXAMPLES, pipe_size};
 use crate::rig::{Rig, SensorKind, quantity_of, spelled_unit};
-use crate::shown::options::named;
-use crate::storage::LogError;
-use crate::storage::import::{Line, Repair, SourceFile, SourceOptions, time_unit, zone_seconds};
+use crate::storage::import::{Line, Repair, SourceFile, SourceOptions};
 use crate::units::{Quantity, Unit};
 
 /// What a person has written; a field that was left empty is an empty text.
@@ -44,14 +44,8 @@ pub struct Form {
     pub discharge_head: String,
     /// Flow before the closure that was measured by hand, with its unit.
     pub flow: String,
-    /// Samples per second of a file that counts them.
-    pub rate: String,
-    /// Unit of the times.
-    pub time_unit: String,
-    /// `dmy` or `mdy`.
-    pub date_order: String,
-    /// Zone of date-times.
-    pub zone: String,
+    /// How the times are read.
+    pub times: Times,
     /// The columns of which something is said.
     pub columns: Vec<Column>,
 }
@@ -68,35 +62,6 @@ pub struct Column {
     pub unit: String,
     /// Distance from the supply, m.
     pub place: String,
-}
-
-/// How much a remark weighs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Weight {
-    /// What is written cannot be taken.
-    Wrong,
-    /// Nothing is written, and it is needed.
-    Open,
-    /// Nothing is written, and this is taken.
-    Assumed,
-}
-
-/// Something about a field.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Remark {
-    /// The field, as the form names it; of a column `columns.2.unit`, of the file itself `file`.
-    pub field: String,
-    /// A sentence, or part of one.
-    pub says: String,
-    /// How much it weighs.
-    pub weight: Weight,
-}
-
-impl Remark {
-    fn new(weight: Weight, field: impl Into<String>, says: impl Into<String>) -> Remark {
-        Remark { field: field.into(), says: says.into(), weight }
-    }
 }
 
 /// A column as it is understood with what is said.
@@ -153,58 +118,8 @@ pub struct Filled {
     pub made: Option<Made>,
 }
 
-/// Takes what was written in a field; nothing where it is empty or wrong.
-fn taken<T>(
-    text: &str,
-    field: &str,
-    parse: impl Fn(&str) -> Result<T, String>,
-    remarks: &mut Vec<Remark>,
-) -> Option<T> {
-    let text = text.trim();
-    let parsed = (!text.is_empty()).then(|| parse(text))?;
-    parsed.map_err(|why| remarks.push(Remark::new(Weight::Wrong, field, why))).ok()
-}
-
 impl Form {
-    /// How the file is read.
-    pub fn reading(&self, remarks: &mut Vec<Remark>) -> SourceOptions {
-        let order = |text: &str| match text {
-            "dmy" => Ok(true),
-            "mdy" => Ok(false),
-            _ => Err("choose day or month first".to_owned()),
-        };
-        let zone = |text: &str| match text.to_ascii_uppercase().as_str() {
-            "UTC" | "Z" | "GMT" => Ok(0),
-            _ => zone_seconds(text).ok_or_else(|| "write it like +01:00, -05:00 or UTC".to_owned()),
-        };
-        let unit = |text: &str| time_unit(text).ok_or_else(|| "it must be s, ms, us, ns, min, h or d".to_owned());
-        SourceOptions {
-            guess: true,
-            rate_hz: taken(&self.rate, "rate", |text| RATE.parse(text), remarks),
-            time_unit_s: taken(&self.time_unit, "time_unit", unit, remarks),
-            day_first: taken(&self.date_order, "date_order", order, remarks),
-            zone_s: taken(&self.zone, "zone", zone, remarks),
-            ..SourceOptions::default()
-        }
-    }
-
-    /// What to say of a file that cannot be read: beside the fields that its error names, if it names some.
-    pub fn unread(error: &LogError, says: &str) -> Vec<Remark> {
-        let field = |name: &str| match name.replace('-', "_").as_str() {
-            "rate" => Some("rate"),
-            "time_unit" => Some("time_unit"),
-            "date_order" => Some("date_order"),
-            "zone" => Some("zone"),
-            _ => None,
-        };
-        let mut fields: Vec<&str> = named(&error.to_string()).iter().filter_map(|o| field(o.name)).collect();
-        fields.dedup();
-        let about_file = Remark::new(if fields.is_empty() { Weight::Wrong } else { Weight::Open }, "file", says);
-        let needed = fields.into_iter().map(|field| Remark::new(Weight::Open, field, "the file does not say it"));
-        std::iter::once(about_file).chain(needed).collect()
-    }
-
-    /// The rig that the form makes of a file that was read as [`reading`](Form::reading) says. A rig without a name is `called`.
+    /// The rig that the form makes of a file that was read as its [`times`](Times::reading) say. A rig without a name is `called`.
     pub fn filled(&self, file: &SourceFile, called: &str) -> Filled {
         let mut remarks = Vec::new();
         let mut columns = self.said(file, &mut remarks);
@@ -214,7 +129,7 @@ impl Form {
             remarks.push(Remark::new(Weight::Wrong, "flow", "a column of the file is the flow already"));
         }
         columns.source.flow = by_hand;
-        self.ask_of_times(file, &mut remarks);
+        remarks.extend(self.times.asked(&file.repairs));
         let seen = file.tracks.iter().map(|track| match meant(track, &columns) {
             Some((kind, unit)) => Seen { kind: Some(kind), unit: unit.map(|told| told.value), position_m: None },
             None => Seen::default(),
@@ -259,7 +174,7 @@ impl Form {
 
     /// What is said of the columns.
     fn said(&self, file: &SourceFile, remarks: &mut Vec<Remark>) -> Said {
-        let mut said = Said { source: self.reading(remarks), ..Said::default() };
+        let mut said = Said { source: self.times.reading(remarks), ..Said::default() };
         for (i, track) in file.tracks.iter().enumerate() {
             let column = self.of_column(&track.name);
             let kind = |text: &str| match SensorKind::ALL.into_iter().find(|kind| kind.name() == text) {
@@ -290,22 +205,6 @@ impl Form {
             taken(&self.of_column(name).place, &format!("columns.{i}.place"), |text| asked.parse(text), remarks)
         };
         file.tracks.iter().map(|track| track.name.as_str()).enumerate().map(&mut place).collect()
-    }
-
-    /// What the reader of the file guessed of its times is asked for.
-    fn ask_of_times(&self, file: &SourceFile, remarks: &mut Vec<Remark>) {
-        for (what, field, written) in
-            [("time-unit", "time_unit", &self.time_unit), ("date-order", "date_order", &self.date_order)]
-        {
-            let guess = file.repairs.iter().find(|repair| repair.guessed && repair.what == what);
-            if let (Some(guess), "") = (guess, written.trim()) {
-                remarks.push(Remark::new(
-                    Weight::Open,
-                    field,
-                    format!("the file does not say it; it looks as if {}", guess.text),
-                ));
-            }
-        }
     }
 
     /// Units that nothing states, while the pipe is not known.

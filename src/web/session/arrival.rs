@@ -8,13 +8,15 @@ use base64::prelude::BASE64_STANDARD;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
+use crate::draft::remark::Weight;
+use crate::draft::times::Times;
 use crate::rig::Rig;
 use crate::rig::check::return_time_s;
 use crate::shown::Shown as _;
 use crate::signal::doubts::doubts;
 use crate::signal::faults::sensor_faults;
 use crate::signal::inspect;
-use crate::storage::import::{ImportOptions, Imported, Line, SourceOptions, import_file, read_source, unit_warnings};
+use crate::storage::import::{ImportOptions, Imported, SourceOptions, import_file, read_source, unit_warnings};
 use crate::storage::{LogError, keep, read, write};
 use crate::watch::evaluate::sentence;
 use crate::web::session::new_rig::free;
@@ -44,6 +46,9 @@ pub struct Dropped {
     /// Samples per second of a column that counts samples.
     #[serde(default)]
     pub rate_hz: Option<f64>,
+    /// What is written of the times.
+    #[serde(default)]
+    pub times: Times,
     /// Columns with what their numbers stand for: of volts or milliamperes such as `1..5 -> 0..10 bar`, of another unit such as `psi`.
     #[serde(default)]
     pub scales: Vec<(String, String)>,
@@ -87,27 +92,38 @@ pub fn take(dropped: &Dropped, rig: Option<&Rig>, folder: &Path) -> Result<(Valu
         return Ok((json!({ "needs_rig": name }), None));
     };
     let sensors: Vec<&str> = rig.sensors.iter().map(|sensor| sensor.name.as_str()).collect();
-    let guessing = SourceOptions { guess: true, rate_hz: dropped.rate_hz, ..SourceOptions::default() };
+    let mut remarks = Vec::new();
+    let reading = dropped.times.reading(&mut remarks);
+    let guessing = SourceOptions { rate_hz: reading.rate_hz.or(dropped.rate_hz), ..reading };
     let source = read_source(&path, &guessing);
+    if let (Err(error), None) = (&source, &own) {
+        remarks.extend(Times::unread(error));
+    }
+    if let (Some(wrong), true) = (remarks.iter().find(|remark| remark.weight == Weight::Wrong), dropped.accept) {
+        return Err(format!("{}: {}", wrong.field, wrong.says).into());
+    }
     let needs_rate = dropped.rate_hz.is_some() || source.as_ref().is_err_and(LogError::lacks_rate);
     let columns: Vec<String> =
         source.map_or(Vec::new(), |read| read.tracks.into_iter().map(|track| track.name).collect());
     let scales = dropped.scales.iter().map(|(column, line)| Ok((column.clone(), line.parse()?)));
     let scales = scales.collect::<Result<Vec<_>, String>>();
-    let read = scales.map_err(AnyError::from).and_then(|scales| imported(dropped, scales, rig, &path));
+    let read = scales
+        .map_err(AnyError::from)
+        .and_then(|scales| imported(dropped, SourceOptions { scales, ..guessing }, rig, &path));
     let imported = match read.map_err(by_name) {
         // what is only looked at may still be mended: by the rate of its samples, or by saying which column is which sensor
-        Err(error) if !dropped.accept && (needs_rate || !columns.is_empty()) => {
+        Err(error) if !dropped.accept && (needs_rate || !remarks.is_empty() || !columns.is_empty()) => {
             let about = json!({
-                "problem": error, "rig": rig.name, "columns": columns, "sensors": sensors, "needs_rate": needs_rate,
+                "problem": error, "remarks": remarks, "rig": rig.name, "columns": columns, "sensors": sensors, "needs_rate": needs_rate,
             });
             return Ok((about, None));
         }
         other => other?,
     };
+    remarks.extend(dropped.times.asked(&imported.repairs));
     let doubts = inspect(&imported.recording).map_or(Vec::new(), |features| doubts(rig, &features));
     let mut about = json!({
-        "rig": rig.name, "as_it_is": own.is_some(), "doubts": doubts, "columns": columns, "sensors": sensors, "needs_rate": needs_rate,
+        "rig": rig.name, "remarks": remarks, "as_it_is": own.is_some(), "doubts": doubts, "columns": columns, "sensors": sensors, "needs_rate": needs_rate,
         "understood": imported.understood(Path::new(name)), "mended": imported.repairs,
         "warnings": unit_warnings(&imported.recording), "sensor_faults": sensor_faults(&imported.recording),
         "written": null,
@@ -139,15 +155,9 @@ fn plain_name(name: &str) -> Option<String> {
 }
 
 /// As it stands, or else with guesses.
-fn imported(dropped: &Dropped, scales: Vec<(String, Line)>, rig: &Rig, path: &Path) -> Result<Imported, AnyError> {
+fn imported(dropped: &Dropped, reading: SourceOptions, rig: &Rig, path: &Path) -> Result<Imported, AnyError> {
     let options = ImportOptions { without: dropped.without.clone(), ..ImportOptions::default() };
-    let said = SourceOptions {
-        map: dropped.map.clone(),
-        ignore: dropped.ignore.clone(),
-        rate_hz: dropped.rate_hz,
-        scales,
-        ..SourceOptions::default()
-    };
+    let said = SourceOptions { map: dropped.map.clone(), ignore: dropped.ignore.clone(), guess: false, ..reading };
     import_file(path, rig, &options, &said, true).or_else(|_| {
         let period_s = 2.0 * return_time_s(rig, &rig.fluid.properties(rig.fluid.temperature_degc));
         let guessing = SourceOptions { guess: true, period_s: Some(period_s), ..said };

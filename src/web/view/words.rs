@@ -29,6 +29,12 @@ fn words(option: Named) -> String {
             _ => "the choice “day or month first”".to_owned(),
         },
         "zone" => format!("the field “time zone”{value}"),
+        "message_time" => match option.value {
+            Some("publish") => "the choice “when it was published”".to_owned(),
+            Some("log") => "the choice “when it was logged”".to_owned(),
+            _ => "the field “time of a message”".to_owned(),
+        },
+        "time_field" => format!("the field “field of a message with its time”{value}"),
         "flow" => format!("the field “flow before the closure”{value}"),
         "unit" => format!("the field “unit”{value}"),
         "sensor" => match option.value.and_then(|value| value.trim_matches('\'').split_once('=')) {
@@ -70,7 +76,28 @@ pub fn in_json(text: String) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::shown::options::named;
     use crate::storage::CsvProblem;
+
+    /// Whatever a reader of files asks for, the page has a field for it.
+    #[test]
+    fn every_option_that_an_import_names_is_one_of_the_page() {
+        let mut folders = vec![std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("src/storage/import")];
+        let mut sources = vec![folders[0].with_file_name("error.rs"), folders[0].join("../../draft/answers.rs")];
+        while let Some(folder) = folders.pop() {
+            for entry in std::fs::read_dir(folder).unwrap() {
+                let path = entry.unwrap().path();
+                if path.is_dir() { folders.push(path) } else { sources.push(path) }
+            }
+        }
+        let texts: Vec<String> = sources.iter().map(|path| std::fs::read_to_string(path).unwrap()).collect();
+        let all: Vec<Named> = texts.iter().flat_map(|text| named(text)).collect();
+        assert!(all.len() > 20, "only {} options are named", all.len());
+        for option in all {
+            let said = words(option);
+            assert!(!said.contains("the setting") && !said.contains('_'), "{option:?}: {said}");
+        }
+    }
 
     #[test]
     fn an_error_of_the_library_is_worded_for_the_page_and_keeps_what_it_names() {
