@@ -200,8 +200,13 @@ async function make() {
   if (writing) return;
   try {
     await look();
-    const first = found.remarks.find((remark) => remark.weight !== "assumed");
-    if (first) { (fields.get(first.field)?.input || document.querySelector("#new-rig input")).focus(); return; }
+    const wanting = new Set(found.remarks.filter((remark) => remark.weight !== "assumed").map((remark) => remark.field));
+    if (wanting.size) {
+      // no column is a pressure: that is said of all, and mended at the first
+      const first = [...fields].find(([key, { input }]) => input && wanting.has(key)) || [...fields].find(([, { input }]) => input?.dataset.key.endsWith(".is"));
+      first?.[1].input.focus();
+      return;
+    }
     writing = true;
     app.opens = true;
     await post("/api/new-rig", { table, form: form(), accept: true });
