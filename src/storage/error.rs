@@ -346,7 +346,7 @@ pub enum CsvProblem {
     },
     /// A column of two units.
     #[error(
-        "column '{column}' is in '{first}' by its heading and in '{second}' by this line: give the unit that is right with option `scale` '{column}={first}', or correct the file"
+        "column '{column}' is in '{first}' by its heading and in '{second}' by this line: give the unit that is right with option `scale '{column}={first}'`, or correct the file"
     )]
     TwoUnits {
         /// Its heading.

@@ -11,7 +11,7 @@ export function line({ length, pipes, supply, sensors }, { from, to, letter }) {
   let last = -1e9;
   const foot = (s) => {
     // names that would touch stand one above the other
-    const text = `${s.name} ${digits(s.position_m, 4)} m${s.assumed ? "?" : ""}`;
+    const text = `${s.name} ${+s.position_m.toPrecision(4)} m${s.assumed ? "?" : ""}`;
     const [place, wide] = [x(s.position_m), letter * text.length];
     const anchor = place > to - 30 ? "end" : place < from + wide / 2 ? "start" : "middle";
     const left = place - { start: 0, middle: wide / 2, end: wide }[anchor];

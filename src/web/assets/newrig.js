@@ -32,7 +32,9 @@ export const TIMES = [
 ];
 const LATER_MS = 250;
 const plain = (value) => String(+value.toPrecision(4)).replace("-", "−");
-const DRAWN = { from: 60, to: 930, letter: 7 };
+const MAKE = "Make the rig and import the table";
+const phone = matchMedia("(max-width: 700px)");
+const frame = () => (phone.matches ? { from: 42, to: 440, letter: 8, width: 484 } : { from: 60, to: 930, letter: 7, width: 1000 });
 
 // The table that the form is about; none where there is no form.
 let table = null;
@@ -123,7 +125,7 @@ function build() {
   const ofTimes = ([key, label, example, choices]) => field(key, label, entry(answers.times?.[key] ?? "", example, choices, (value) => sayOfTimes(key, value)));
   put(box, h("form", { onsubmit: (event) => { event.preventDefault(); make(); } },
     h("div", { class: "heading" }, h("h2", { text: `A rig for ${table}` }), h("p", { class: "hint", text: "Answer what the table cannot say. Nothing is written before you press the button." }),
-      app.state.open || app.state.tables.length > 1 ? h("button", { type: "button", text: "Back", onclick: () => leave() }) : null),
+      app.state.open || app.state.tables.length > 1 || !app.state.tables.includes(table) ? h("button", { type: "button", text: "Back", onclick: () => leave() }) : null),
     h("div", { class: "card drawing" }, h("div", { id: "new-rig-drawing" }), h("p", { class: "hint", id: "new-rig-pipe" })),
     h("div", { class: "sides" },
       h("section", { class: "card", "aria-label": "The table" }, h("h3", { text: "The table, as it is understood" }),
@@ -132,7 +134,7 @@ function build() {
         found.columns.length ? h("table", {}, h("thead", {}, h("tr", {}, ["column", "is", "unit, or ranges from V or mA", "m from the supply"].map((text) => h("th", { scope: "col", text })))), h("tbody", {}, found.columns.map(row))) : null,
         h("ul", { id: "new-rig-understood" })),
       h("section", { class: "card", "aria-label": "The pipe" }, h("h3", { text: "The pipe" }), h("datalist", { id: "new-rig-materials" }, found.materials.map((name) => h("option", { value: name }))), PIPE.map(of), h("p", { class: "remark", id: "remark-rig", hidden: true }))),
-    h("div", { class: "foot" }, h("div", { id: "new-rig-says", role: "status" }), h("button", { class: "primary", text: "Make the rig and import the table" }))));
+    h("div", { class: "foot" }, h("div", { id: "new-rig-says", role: "status" }), h("button", { class: "primary", text: MAKE }))));
   for (const key of ["file", "columns", "rig"]) fields.set(key, { remark: at(`remark-${key}`) });
 }
 
@@ -168,7 +170,7 @@ function show() {
   });
   fields.get("flow").input.closest(".field").hidden = found.columns.some((column) => column.is === "flow");
   fields.get("name").input.placeholder = found.name;
-  put(at("new-rig-understood"), [...new Set([...(found.columns.length && alike() ? [sampled(found.columns[0])] : []), ...found.understood, ...found.converted])].map((text) => h("li", { text })));
+  put(at("new-rig-understood"), [...new Set([...(found.columns.length && alike() ? [sampled(found.columns[0])] : []), ...found.understood])].map((text) => h("li", { text })), [...new Set(found.guessed)].map((text) => h("li", { class: "advice", text: `a guess: ${text}` })));
   draw();
   const wanting = found.remarks.filter((remark) => remark.weight !== "assumed");
   const count = new Set(wanting.map((remark) => remark.field)).size;
@@ -184,14 +186,15 @@ const assumedAt = (i) => found.remarks.some((remark) => remark.field === `column
 function draw() {
   const pipe = found.pipe;
   if (!pipe) { put(at("new-rig-drawing")); return; }
+  const drawn = frame();
   // a length that nobody has said is drawn, but not written
   const length = pipe.length_m ?? 1;
   const known = (column) => column.position_m !== null && pipe.length_m !== null;
   const sensors = found.columns.map((column, i) => ({ name: column.short || column.name, position_m: Math.min(column.position_m ?? 0, length), assumed: assumedAt(i), column })).filter(({ column }) => places.includes(column.is) && known(column));
-  const [under, over] = line({ length, supply: pipe.supply, sensors, pipes: [{ name: "pipe", from_m: 0, to_m: length, inner_diameter_m: (pipe.inner_diameter_mm ?? 20) / 1000 }] }, DRAWN);
-  const middle = (DRAWN.from + DRAWN.to) / 2;
+  const [under, over] = line({ length, supply: pipe.supply, sensors, pipes: [{ name: "pipe", from_m: 0, to_m: length, inner_diameter_m: (pipe.inner_diameter_mm ?? 20) / 1000 }] }, drawn);
+  const middle = (drawn.from + drawn.to) / 2;
   const size = pipe.length_m === null ? "length?" : `${plain(pipe.length_m)} m`;
-  put(at("new-rig-drawing"), svg("svg", { viewBox: "0 6 1000 78", role: "img", "aria-label": "The rig as it is known" }, under, over, svg("text", { x: middle, y: AXIS + 26, "text-anchor": "middle", text: size })));
+  put(at("new-rig-drawing"), svg("svg", { viewBox: `0 6 ${drawn.width} 78`, role: "img", "aria-label": "The rig as it is known" }, under, over, svg("text", { x: middle, y: AXIS + 26, "text-anchor": "middle", text: size })));
   const wall = pipe.inner_diameter_mm === null || pipe.wall_thickness_mm === null ? "its size is not known yet" : `${plain(pipe.inner_diameter_mm)} mm inside, wall ${plain(pipe.wall_thickness_mm)} mm`;
   at("new-rig-pipe").textContent = `${size === "length?" ? "A pipe" : `${size} of pipe`}${pipe.material ? ` of ${pipe.material}` : ""}, ${wall}. A place with a question mark is assumed.`;
 }
@@ -209,12 +212,15 @@ async function make() {
     }
     writing = true;
     app.opens = true;
+    document.querySelector("#new-rig .primary").textContent = "Importing…";
     await post("/api/new-rig", { table, form: form(), accept: true });
     sessionStorage.removeItem(kept());
     leave(true);
     await refresh();
   } catch (error) {
     app.opens = false;
+    const button = document.querySelector("#new-rig .primary");
+    if (button) button.textContent = MAKE;
     complain(error);
   } finally {
     writing = false;

@@ -15,7 +15,7 @@ use crate::draft::times::Times;
 use crate::rig::material::MATERIALS;
 use crate::shown::Shown as _;
 use crate::storage::import::{
-    ImportOptions, SourceFile, SourceOptions, Track, import_file, rate_hz, read_source, unit_warnings,
+    ImportOptions, Repair, SourceFile, SourceOptions, Track, import_file, rate_hz, read_source, unit_warnings,
 };
 use crate::storage::{LogError, keep, write};
 use crate::units::UNITS;
@@ -104,7 +104,7 @@ impl Tables {
         let file = self.read(&path, &asked.form.times.reading(&mut remarks));
         let mut about = json!({
             "table": asked.table, "folder": std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned()).shown(),
-            "name": stem, "writes": [name_of(&rig_path), name_of(&out)], "pipe": null, "columns": [], "understood": [], "converted": [], "rig": null, "written": null,
+            "name": stem, "writes": [name_of(&rig_path), name_of(&out)], "pipe": null, "columns": [], "understood": [], "guessed": [], "rig": null, "written": null,
             "materials": MATERIALS.iter().map(|material| material.name).collect::<Vec<_>>(),
             "units": UNITS.iter().map(|unit| json!([unit.symbol, format!("{:?}", unit.quantity).to_lowercase()])).collect::<Vec<_>>(),
         });
@@ -129,16 +129,13 @@ impl Tables {
         let Filled { pipe, columns, remarks, made } = asked.form.filled(&file, &stem);
         about["pipe"] = json!(pipe);
         about["columns"] = file.tracks.iter().zip(&columns).map(column).collect();
-        let texts: Vec<&str> = file
-            .repairs
-            .iter()
-            .chain(file.tracks.iter().flat_map(|track| &track.repairs))
-            .filter(|repair| !repair.guessed || repair.what == "headings")
-            .map(|repair| repair.text.as_str())
-            .collect();
-        about["understood"] = json!(texts);
-        let bound = made.iter().flat_map(|made| &made.repairs).filter(|repair| repair.what != "left-out");
-        about["converted"] = bound.map(|repair| json!(repair.text)).collect();
+        let asked_for = |repair: &&Repair| remarks.iter().all(|remark| !remark.says.ends_with(&repair.text));
+        let of_file = file.repairs.iter().chain(file.tracks.iter().flat_map(|track| &track.repairs));
+        let of_rig = made.iter().flat_map(|made| &made.repairs).filter(|repair| repair.what != "left-out");
+        let (guessed, understood): (Vec<&Repair>, Vec<&Repair>) =
+            of_file.chain(of_rig).filter(asked_for).partition(|repair| repair.guessed);
+        about["understood"] = understood.iter().map(|repair| json!(repair.text)).collect();
+        about["guessed"] = guessed.iter().map(|repair| json!(repair.text)).collect();
         about["rig"] = made.as_ref().map_or(Value::Null, |made| json!({ "text": made.text, "doubts": made.doubts }));
         if !asked.accept {
             about["remarks"] = json!(remarks);

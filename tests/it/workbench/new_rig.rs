@@ -55,8 +55,8 @@ fn a_table_and_answers_become_the_rig_the_recording_and_the_fit_of_the_commands(
     let empty = asked(&bench, "logger.csv", &json!({}));
     let kinds: Vec<&str> =
         empty["columns"].as_array().unwrap().iter().map(|c| c["is"].as_str().unwrap_or("none")).collect();
-    assert_eq!(kinds, ["none", "pressure", "pressure", "flow"], "{empty}");
-    assert_eq!((&empty["columns"][1]["unit"], &empty["columns"][1]["first"][0]), (&json!("bar"), &json!(2.802)));
+    assert_eq!(kinds, ["pressure", "pressure", "flow"], "{empty}");
+    assert_eq!((&empty["columns"][0]["unit"], &empty["columns"][0]["first"][0]), (&json!("bar"), &json!(2.802)));
     for field in ["material", "length", "size", "time_unit"] {
         assert_eq!(remark(&empty, field).unwrap().0, "open", "{field}: {empty}");
     }
@@ -65,13 +65,14 @@ fn a_table_and_answers_become_the_rig_the_recording_and_the_fit_of_the_commands(
     let form = answers(&json!({}));
     let looked = asked(&bench, "logger.csv", &form);
     assert!(looked["rig"]["text"].is_string() && looked["written"].is_null(), "{looked}");
+    assert!(looked["understood"].to_string().contains("Sample"), "{looked}");
     assert_eq!(looked["writes"], json!(["rig.toml", "logger.mcap"]));
     // what is not said is taken with its reason, and never as said
-    assert!(remark(&looked, "columns.2.place").unwrap().1.contains("measure it"), "{looked}");
+    assert!(remark(&looked, "columns.1.place").unwrap().1.contains("measure it"), "{looked}");
     assert_eq!(remark(&looked, "supply").unwrap().0, "assumed");
     assert!(remark(&looked, "temperature").is_none());
     assert_eq!(looked["pipe"]["inner_diameter_mm"], 19.0);
-    assert!((looked["columns"][2]["position_m"].as_f64().unwrap() - 62.1).abs() < 0.1, "{looked}");
+    assert!((looked["columns"][1]["position_m"].as_f64().unwrap() - 62.1).abs() < 0.1, "{looked}");
     assert_eq!(files(folder.path()), BTreeSet::from(["logger.csv".to_owned()]));
 
     let written = accepted(&bench, "logger.csv", &form, 200);
@@ -99,11 +100,11 @@ fn what_is_wrong_or_missing_is_said_beside_its_field_and_nothing_is_written() {
     assert_eq!(bench.state()["tables"], json!(["bare.csv", "logger.csv"]));
     let before = files(folder.path());
     let column = |column: &str, key: &str, value: &str| json!({ "columns": [{ "column": column, key: value }] });
-    let valve = asked(&bench, "logger.csv", &json!({}))["columns"][1]["name"].as_str().unwrap().to_owned();
+    let valve = asked(&bench, "logger.csv", &json!({}))["columns"][0]["name"].as_str().unwrap().to_owned();
     let named: Vec<Value> = (asked(&bench, "logger.csv", &json!({}))["columns"].as_array().unwrap().iter())
         .map(|column| json!({ "column": column["name"], "is": "none" }))
         .collect();
-    assert_eq!(named.len(), 4);
+    assert_eq!(named.len(), 3);
     for (changed, field, weight, words) in [
         (json!({ "material": "" }), "material", "open", "needed"),
         (json!({ "material": "coper" }), "material", "wrong", "did you mean copper?"),
@@ -121,11 +122,11 @@ fn what_is_wrong_or_missing_is_said_beside_its_field_and_nothing_is_written() {
         (json!({ "flow": "0.25 L/s" }), "flow", "wrong", "flow already"),
         (json!({ "times": {} }), "time_unit", "open", "in ms"),
         (json!({ "times": { "time_unit": "weeks" } }), "time_unit", "wrong", "must be s, ms"),
-        (column(&valve, "place", "101"), "columns.1.place", "wrong", "from 0 to 100 m"),
-        (column(&valve, "unit", "L/s"), "columns.1.unit", "wrong", "no unit of a pressure"),
-        (column(&valve, "unit", "1..5 -> 0..10"), "columns.1.unit", "wrong", "unit of the result"),
-        (column(&valve, "unit", "1 to 5"), "columns.1.unit", "wrong", "1..5 -> 0..10 bar"),
-        (column(&valve, "is", "gauge"), "columns.1.is", "wrong", "choose"),
+        (column(&valve, "place", "101"), "columns.0.place", "wrong", "from 0 to 100 m"),
+        (column(&valve, "unit", "L/s"), "columns.0.unit", "wrong", "no unit of a pressure"),
+        (column(&valve, "unit", "1..5 -> 0..10"), "columns.0.unit", "wrong", "unit of the result"),
+        (column(&valve, "unit", "1 to 5"), "columns.0.unit", "wrong", "1..5 -> 0..10 bar"),
+        (column(&valve, "is", "gauge"), "columns.0.is", "wrong", "choose"),
         (json!({ "columns": named }), "columns", "open", "No column is a pressure"),
     ] {
         let form = answers(&changed);

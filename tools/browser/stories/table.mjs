@@ -11,7 +11,7 @@ const waitRemark = (page, key, words) => page.waitForFunction(([id, text]) => do
 await story("from a table to the leak in it, without a terminal", { files: { "logger.csv": "logger.csv" }, words: ["."] }, async ({ folder, command, page: open, state, shot }) => {
   const page = await open({ width: 1366, height: 768 });
   await page.waitForSelector("#new-rig tbody tr");
-  assert.deepEqual(await page.$$eval("#new-rig tbody th > span", (all) => all.map((one) => one.textContent)), ["Sample", "Valve", "Middle", "Flow"]);
+  assert.deepEqual(await page.$$eval("#new-rig tbody th > span", (all) => all.map((one) => one.textContent)), ["Valve", "Middle", "Flow"]);
   assert(!(await page.textContent("body")).includes("option `"));
   await shot(page, "table-open");
   // by keyboard: what the table does not say has the focus first
@@ -33,14 +33,14 @@ await story("from a table to the leak in it, without a terminal", { files: { "lo
   await ready(page);
   await page.fill("[data-key=length]", "100");
   await page.fill("[data-key=temperature]", "18");
-  await waitRemark(page, "columns.2.place", "measure it");
+  await waitRemark(page, "columns.1.place", "measure it");
   assert((await page.textContent("#new-rig-drawing")).includes("Middle"), "the drawing follows");
   const before = await page.getAttribute("#new-rig-drawing .sensor.assumed", "cx");
-  await page.fill('[data-key="columns.1.place"]', "100");
+  await page.fill('[data-key="columns.0.place"]', "100");
   await page.waitForFunction(() => document.querySelectorAll("#new-rig-drawing .sensor:not(.assumed)").length === 1);
   assert(before !== null);
-  await page.fill('[data-key="columns.2.place"]', "60");
-  await page.waitForFunction(() => document.querySelector("#new-rig-drawing").textContent.includes("Middle 60"));
+  await page.fill('[data-key="columns.1.place"]', "62");
+  await page.waitForFunction(() => document.querySelector("#new-rig-drawing").textContent.includes("Middle 62"));
   // a reload keeps what was written
   await page.reload();
   await ready(page);
