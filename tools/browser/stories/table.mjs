@@ -2,7 +2,7 @@
 import assert from "node:assert";
 import { readFileSync, readdirSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
-import { LONG, close, settled, story, valueOf, inForce } from "./helpers.mjs";
+import { LONG, close, inForce, settled, story } from "./helpers.mjs";
 
 const remark = (page, key) => page.textContent(`[id="remark-${key}"]`);
 const ready = (page) => page.waitForFunction(() => document.querySelector("#new-rig-says")?.textContent.includes("Writes"));
@@ -58,9 +58,13 @@ await story("from a table to the leak in it, without a terminal", { files: { "lo
   await page.click("#diagnose");
   await page.waitForSelector(".candidate", LONG);
   await page.waitForFunction(() => /Missing: leak/.test(document.querySelector("#verdict").textContent));
+  const [leak] = (await state()).diagnosis.candidates;
+  close(leak.parameters.find((p) => p.name === "leak_position_m").value, 35, 0.01, "place of the leak");
   await page.click(".candidate button.primary");
   await settled(page, 2);
-  close(valueOf(inForce(command, "logger.model.toml"), "leak_position_m"), 35, 0.01, "place of the leak");
+  command("calibrate", "logger.mcap", "--effects", "none", "--save", "by-command.toml");
+  command("add", "leak", "by-command.toml");
+  close(inForce(command, "logger.model.toml").rmse_m, inForce(command, "by-command.toml").rmse_m, 0.01, "error with the leak");
   await shot(page, "table-answer");
 });
 
