@@ -200,7 +200,9 @@ function draw() {
 }
 
 async function make() {
+  // the second of a double click is none
   if (writing) return;
+  writing = true;
   try {
     await look();
     const wanting = new Set(found.remarks.filter((remark) => remark.weight !== "assumed").map((remark) => remark.field));
@@ -210,7 +212,6 @@ async function make() {
       first?.[1].input.focus();
       return;
     }
-    writing = true;
     app.opens = true;
     document.querySelector("#new-rig .primary").textContent = "Importing…";
     await post("/api/new-rig", { table, form: form(), accept: true });
