@@ -90,6 +90,15 @@ fn a_table_and_answers_become_the_rig_the_recording_and_the_fit_of_the_commands(
     let fit = done_in(folder.path(), &["calibrate", "by-command.mcap", "--effects", "none"]);
     let [own, by_command] = [&state["model"]["rmse_m"], &fit["runs"][0]["rmse_m"]].map(|v| v.as_f64().unwrap());
     assert!((own / by_command - 1.0).abs() < 1e-6, "{own} m on the page, {by_command} m by the commands");
+
+    // the pipe has a leak 35 m from the supply
+    bench.job("/api/add", &json!({ "effect": "leak" }));
+    let model = bench.state()["model"].clone();
+    let [rmse_m, noise_m] = ["rmse_m", "noise_m"].map(|name| model[name].as_f64().unwrap());
+    assert!(rmse_m < 1.2 * noise_m, "{rmse_m} m with the leak, noise {noise_m} m");
+    let parameters = model["parameters"].as_array().unwrap();
+    let place_m = parameters.iter().find(|p| p["name"] == "leak_position_m").unwrap()["value"].as_f64().unwrap();
+    assert!((place_m - 35.0).abs() < 0.1, "{place_m} m");
 }
 
 #[test]

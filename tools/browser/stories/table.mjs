@@ -2,7 +2,7 @@
 import assert from "node:assert";
 import { readFileSync, readdirSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
-import { LONG, close, inForce, settled, story } from "./helpers.mjs";
+import { LONG, close, inForce, settled, story, valueOf } from "./helpers.mjs";
 
 const remark = (page, key) => page.textContent(`[id="remark-${key}"]`);
 const ready = (page) => page.waitForFunction(() => document.querySelector("#new-rig-says")?.textContent.includes("Writes"));
@@ -64,7 +64,9 @@ await story("from a table to the leak in it, without a terminal", { files: { "lo
   await settled(page, 2);
   command("calibrate", "logger.mcap", "--effects", "none", "--save", "by-command.toml");
   command("add", "leak", "by-command.toml");
-  close(inForce(command, "logger.model.toml").rmse_m, inForce(command, "by-command.toml").rmse_m, 0.01, "error with the leak");
+  const [by_page, by_command] = [inForce(command, "logger.model.toml"), inForce(command, "by-command.toml")];
+  close(by_page.rmse_m, by_command.rmse_m, 0.01, "error with the leak");
+  close(valueOf(by_page, "leak_position_m"), 35, 0.01, "place of the leak in the model");
   await shot(page, "table-answer");
 });
 
