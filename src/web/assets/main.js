@@ -123,7 +123,7 @@ function keys() {
 }
 
 document.addEventListener("keydown", (event) => {
-  if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]")) return;
+  if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open], body.making")) return;
   const slides = event.target.matches("input[type=range]");
   if (event.target.matches("input:not([type=checkbox], [type=range]), select, textarea") || (slides && event.key.startsWith("Arrow"))) return;
   const does = {

@@ -4,6 +4,7 @@ import { post } from "/assets/api.js";
 import { at, digits, h, put, svg } from "/assets/dom.js";
 import { app, complain, refresh } from "/assets/store.js";
 import { AXIS, line } from "/assets/drawing.js";
+import { spark } from "/assets/runs.js";
 
 const KINDS = [["pressure", "pressure"], ["flow", "flow"], ["temperature", "temperature"], ["valve-position", "valve position"], ["trigger", "trigger"], ["none", "no sensor"]];
 const QUANTITY = { pressure: "pressure", flow: "flow", temperature: "temperature", "valve-position": "ratio", trigger: "ratio" };
@@ -43,7 +44,7 @@ let answers = {};
 // What the workbench made of it last, and the field of each name.
 let found = null;
 const fields = new Map();
-let [asked, waits, writing] = [0, null, false];
+let [running, again, waits, writing] = [null, false, null, false];
 
 const kept = () => `new rig ${table}`;
 const columnsSaid = () => Object.entries(answers.columns || {}).map(([column, said]) => ({ column, ...said }));
@@ -90,16 +91,25 @@ function later() {
   waits = setTimeout(() => look().catch(complain), LATER_MS);
 }
 
-// Only the last question counts: an answer that comes late is none.
-async function look() {
+// One question at a time, the last of them always: a long table takes a while.
+function look() {
   clearTimeout(waits);
-  const number = (asked += 1);
-  const about = await post("/api/new-rig", { table, form: form() });
-  if (number !== asked || !table) return;
-  const same = found && found.columns.map((c) => c.name).join("\n") === about.columns.map((c) => c.name).join("\n");
-  found = about;
-  if (!same) build();
-  show();
+  again = true;
+  running ||= looked().finally(() => { running = null; });
+  return running;
+}
+
+async function looked() {
+  while (again && table) {
+    again = false;
+    const of = table;
+    const about = await post("/api/new-rig", { table, form: form() });
+    if (table !== of) continue;
+    const same = found && found.columns.map((c) => c.name).join("\n") === about.columns.map((c) => c.name).join("\n");
+    found = about;
+    if (!same) build();
+    show();
+  }
 }
 
 const places = ["pressure", "flow"];
@@ -114,7 +124,7 @@ function row(column, i) {
   const is = entry(said.is ?? "", null, [["", "choose"], ...KINDS], (value) => sayOf(column.name, "is", value));
   const unit = entry(said.unit ?? "", null, `new-rig-units-${i}`, (value) => sayOf(column.name, "unit", value));
   const place = entry(said.place ?? "", null, null, (value) => sayOf(column.name, "place", value));
-  return h("tr", {}, h("th", { scope: "row" }, h("span", { text: column.short || column.name }), h("p", { class: "hint sampled" }), h("p", { class: "hint values-seen", text: `${column.first.map((v) => digits(v, 4)).join("  ")} …` })),
+  return h("tr", {}, h("th", { scope: "row" }, h("div", { class: "called" }, h("span", { text: column.short || column.name }), spark(column.spark)), h("p", { class: "hint sampled" }), h("p", { class: "hint values-seen", text: `${column.first.map((v) => digits(v, 4)).join("  ")} …` })),
     cell("is", `What ${column.name} is`, is), cell("unit", `Unit of ${column.name}, or its ranges where it is in V or mA`, unit), cell("place", `Distance of ${column.name} from the supply, m`, place), h("datalist", { id: `new-rig-units-${i}` }));
 }
 

@@ -20,7 +20,7 @@ use crate::storage::import::{
 use crate::storage::{LogError, keep, write};
 use crate::units::UNITS;
 use crate::watch::evaluate::sentence;
-use crate::web::session::glances::{FileKey, key};
+use crate::web::session::glances::{FileKey, key, spark};
 
 type AnyError = Box<dyn Error + Send + Sync>;
 
@@ -157,6 +157,9 @@ impl Tables {
         about["remarks"] = json!(remarks);
         about["warnings"] = unit_warnings(&imported.recording).iter().map(|warning| json!(warning.text)).collect();
         about["written"] = json!([name_of(&rig_path), name_of(&out)]);
+        // a table takes memory
+        *lock(&self.last) = None;
+        lock(&self.dropped).take_if(|(_, own)| *own == asked.table);
         Ok((about, Some(out)))
     }
 }
@@ -178,7 +181,7 @@ fn column((track, seen): (&Track, &Seen)) -> Value {
     let (time_s, value) = (&track.series.time_s, &track.series.value);
     json!({
         "name": track.name, "short": track.short, "written_unit": track.unit, "samples": value.len(), "rate_hz": rate_hz(&track.series),
-        "from_s": time_s.first(), "to_s": time_s.last(), "first": value.iter().take(SHOWN).collect::<Vec<_>>(),
+        "from_s": time_s.first(), "to_s": time_s.last(), "first": value.iter().take(SHOWN).collect::<Vec<_>>(), "spark": spark(value),
         "is": seen.kind.map(|kind| kind.name()), "unit": seen.unit.map(|unit| unit.symbol), "position_m": seen.position_m,
     })
 }

@@ -11,7 +11,7 @@ const waitRemark = (page, key, words) => page.waitForFunction(([id, text]) => do
 await story("from a table to the leak in it, without a terminal", { files: { "logger.csv": "logger.csv" }, words: ["."] }, async ({ folder, command, page: open, state, shot }) => {
   const page = await open({ width: 1366, height: 768 });
   await page.waitForSelector("#new-rig tbody tr");
-  assert.deepEqual(await page.$$eval("#new-rig tbody th > span", (all) => all.map((one) => one.textContent)), ["Valve", "Middle", "Flow"]);
+  assert.deepEqual(await page.$$eval("#new-rig .called > span", (all) => all.map((one) => one.textContent)), ["Valve", "Middle", "Flow"]);
   assert(!(await page.textContent("body")).includes("option `"));
   await shot(page, "table-open");
   // by keyboard: what the table does not say has the focus first
