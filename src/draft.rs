@@ -1,4 +1,9 @@
-//! What a file of a test tells of its rig: sensors, units, likely places, temperature, closing time.
+//! What a file of a test tells of its rig: sensors, units, likely places, temperature, closing time; and what a person says of it.
+
+pub mod answers;
+pub mod form;
+pub mod remark;
+pub mod times;
 
 use std::path::Path;
 
@@ -12,7 +17,9 @@ use crate::signal::faults::{in_words, sensor_faults};
 use crate::signal::levels::temperature_degc;
 use crate::signal::window::used;
 use crate::signal::{Features, SensorFeatures, inspect};
-use crate::storage::import::{SourceFile, SourceOptions, Track, bind, is_electric, is_nameless, kind_of, kind_of_name};
+use crate::storage::import::{
+    Repair, SourceFile, SourceOptions, Track, bind, is_electric, is_nameless, kind_of, kind_of_name,
+};
 use crate::units::{Quantity, UNITS, Unit};
 
 /// Units of a pressure that states none, and up to which median it is taken for each: a laboratory's line has 0.5 to 20 bar.
@@ -41,17 +48,30 @@ fn kind_of_numbers(values: &[f64]) -> Option<SensorKind> {
     Some(if last < STOPPED * first { SensorKind::Flow } else { SensorKind::Pressure })
 }
 
+/// What a person says of a file's columns.
+#[derive(Debug, Clone, Default)]
+pub struct Said {
+    /// How the file is read: names, lines of transducers, the flow by hand.
+    pub source: SourceOptions,
+    /// Unit of the pressures that state none.
+    pub unit: Option<Unit>,
+    /// Distances of sensors from the supply, m.
+    pub places: Vec<(String, f64)>,
+    /// What columns measure, by their full names.
+    pub kinds: Vec<(String, SensorKind)>,
+}
+
 /// The columns that are no sensor, where none is a pressure.
-pub fn without_pressure(
-    file: &SourceFile,
-    source: &SourceOptions,
-    unit: Option<Unit>,
-    placed: &[(String, f64)],
-) -> Option<Vec<String>> {
-    let kinds: Vec<_> =
-        file.tracks.iter().map(|track| meant(track, source, unit, placed).map(|(kind, _)| kind)).collect();
+pub fn without_pressure(file: &SourceFile, said: &Said) -> Option<Vec<String>> {
+    let kinds: Vec<_> = file.tracks.iter().map(|track| meant(track, said).map(|(kind, _)| kind)).collect();
     let others = file.tracks.iter().zip(&kinds).filter(|(_, kind)| kind.is_none()).map(|(track, _)| track.name.clone());
     (!kinds.contains(&Some(SensorKind::Pressure))).then(|| others.collect())
+}
+
+/// Whether a column is a flow, or one was measured by hand.
+pub fn has_flow(file: &SourceFile, said: &Said) -> bool {
+    let is_flow = |track| meant(track, said).is_some_and(|(kind, _)| kind == SensorKind::Flow);
+    said.source.flow.is_some() || file.tracks.iter().any(is_flow)
 }
 
 /// What a column is called as a sensor.
@@ -60,17 +80,13 @@ fn name_of<'a>(track: &'a Track, source: &'a SourceOptions) -> &'a String {
 }
 
 /// What a column measures, and its unit where something states it.
-fn meant(
-    track: &Track,
-    source: &SourceOptions,
-    unit: Option<Unit>,
-    placed: &[(String, f64)],
-) -> Option<(SensorKind, Option<Told<Unit>>)> {
+pub fn meant(track: &Track, said: &Said) -> Option<(SensorKind, Option<Told<Unit>>)> {
+    let source = &said.source;
     let nameless = is_nameless(&track.name);
     let called = name_of(track, source);
     let line = source.scales.iter().find(|(name, _)| track.is_called(name) || name == called);
     let by_scale = line.and_then(|(_, line)| {
-        let told = match line.unit.or(unit) {
+        let told = match line.unit.or(said.unit) {
             Some(unit) => Told::given(unit),
             None => Told::assumed(Unit::BAR, "its line states no unit, as '250*x-125 kPa' would"),
         };
@@ -78,31 +94,31 @@ fn meant(
         Some((SensorKind::ALL.into_iter().find(measures)?, Some(told)))
     });
     // only a pressure has a place to give
-    let by_place = || placed.iter().any(|(name, _)| name == called).then_some((SensorKind::Pressure, None));
+    let by_place = || said.places.iter().any(|(name, _)| name == called).then_some((SensorKind::Pressure, None));
+    let known = kind_of(track).map(|(kind, unit)| (kind, unit.map(Told::given)));
+    if let Some((_, kind)) = said.kinds.iter().find(|(name, _)| *name == track.name) {
+        let unit = by_scale.or(known).filter(|(other, _)| quantity_of(*other) == quantity_of(*kind));
+        return Some((*kind, unit.and_then(|(_, unit)| unit)));
+    }
     let kind = by_scale
-        .or_else(|| kind_of(track).map(|(kind, unit)| (kind, unit.map(Told::given))).filter(|(_, unit)| unit.is_some()))
+        .or(known.filter(|(_, unit)| unit.is_some()))
         .or_else(by_place)
         .or_else(|| Some((kind_of_name(&track.short)?, None)))
         .or_else(|| Some((kind_of_numbers(&track.series.value)?, None)).filter(|_| nameless))
         .filter(|_| line.is_some() || !track.unit.as_deref().is_some_and(is_electric));
-    kind.filter(|_| track.series.value.len() > 1 && !source.ignore.contains(&track.short))
+    kind.filter(|_| track.series.value.len() > 1 && !source.ignore.iter().any(|name| track.is_called(name)))
 }
 
 /// The sensors of a file's columns, and the columns that are none. Pressures stand at the valve until [`place`] puts them elsewhere.
 ///
 /// A `unit` that the user gives is that of the pressures that state none. What the options scale is in their unit, otherwise a pressure in it, or in bar.
-pub fn sensors_of(
-    file: &SourceFile,
-    draft: &Draft,
-    source: &SourceOptions,
-    unit: Option<Unit>,
-    placed: &[(String, f64)],
-) -> (Vec<DraftSensor>, Vec<String>) {
+pub fn sensors_of(file: &SourceFile, draft: &Draft, said: &Said) -> (Vec<DraftSensor>, Vec<String>) {
+    let (source, unit) = (&said.source, said.unit);
     let (mut sensors, mut others): (Vec<DraftSensor>, Vec<String>) = (Vec::new(), Vec::new());
     let mut unstated: Vec<(usize, f64)> = Vec::new();
     for track in &file.tracks {
         let called = name_of(track, source);
-        match meant(track, source, unit, placed) {
+        match meant(track, said) {
             Some((kind, stated)) => {
                 let name = free_name(called, &sensors);
                 let level = median(&mut track.series.value.clone()).abs();
@@ -115,7 +131,8 @@ pub fn sensors_of(
                     SensorKind::Temperature => Told::given(0.0),
                     _ => Told::given(draft.length_m),
                 };
-                sensors.push(DraftSensor { name, kind, unit, position_m });
+                let column = Some(track.name.clone());
+                sensors.push(DraftSensor { name, kind, unit, position_m, column });
             }
             None => others.push(track.name.clone()),
         }
@@ -124,7 +141,7 @@ pub fn sensors_of(
         && !sensors.iter().any(|s| s.kind == SensorKind::Flow)
     {
         let (name, unit, position_m) = (free_name("Q", &sensors), Told::given(unit), Told::given(draft.length_m));
-        sensors.push(DraftSensor { name, kind: SensorKind::Flow, unit, position_m });
+        sensors.push(DraftSensor { name, kind: SensorKind::Flow, unit, position_m, column: None });
     }
     // One logger writes all its pressures in one unit.
     let largest = unstated.iter().map(|(_, level)| *level).fold(0.0, f64::max);
@@ -229,10 +246,17 @@ fn choose_flow_unit(draft: &mut Draft, found: &Features) {
 
 /// Where the file contradicts the rig that was made for it, a sentence each: most likely an answer was in another unit.
 ///
+/// What is converted or guessed on the way is added to `repairs`.
+///
 /// # Errors
 /// No closure can be seen in it.
-pub fn contradictions(rig: &Rig, file: &SourceFile, source: &SourceOptions) -> Result<Vec<String>, String> {
-    let recording = recorded(rig, file, source)?;
+pub fn contradictions(
+    rig: &Rig,
+    file: &SourceFile,
+    source: &SourceOptions,
+    repairs: &mut Vec<Repair>,
+) -> Result<Vec<String>, String> {
+    let recording = recorded(rig, file, source, repairs)?;
     let mut found = doubts(rig, &inspect(&recording).map_err(|e| e.to_string())?);
     let faults = sensor_faults(&recording);
     found.extend((!faults.is_empty()).then(|| in_words(&faults)));
@@ -259,12 +283,17 @@ fn seen(draft: &Draft, file: &SourceFile, source: &SourceOptions) -> Result<Feat
 /// What is used of the file, on the rig as it is drafted.
 fn drafted(draft: &Draft, file: &SourceFile, source: &SourceOptions) -> Result<Recording, String> {
     let rig = Rig::from_toml(&draft.text(), "draft").map_err(|e| e.to_string())?;
-    recorded(&rig, file, source)
+    recorded(&rig, file, source, &mut Vec::new())
 }
 
 /// What is used of the file, on a rig.
-fn recorded(rig: &Rig, file: &SourceFile, source: &SourceOptions) -> Result<Recording, String> {
-    let bound = bind(file.clone(), Path::new("the file"), rig, source, &mut Vec::new());
+fn recorded(
+    rig: &Rig,
+    file: &SourceFile,
+    source: &SourceOptions,
+    repairs: &mut Vec<Repair>,
+) -> Result<Recording, String> {
+    let bound = bind(file.clone(), Path::new("the file"), rig, source, repairs);
     bound.map(|(recording, _)| used(recording).0).map_err(|e| e.to_string())
 }
 

@@ -1,5 +1,7 @@
 //! Text from outside as it may be printed: names, notes and paths that control a terminal, or look like a line of the program, do not.
 
+pub mod options;
+
 use std::borrow::Cow;
 use std::path::Path;
 

@@ -1,5 +1,7 @@
 //! Units at the edges: every value inside the program is SI, every value a user sees is in the unit of its sensor.
 
+pub mod written;
+
 use std::fmt;
 use std::str::FromStr;
 

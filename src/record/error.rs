@@ -23,7 +23,7 @@ pub enum RecordError {
     #[error("option `port` names '{name}', but the devices that sensors are wired to are: {known}")]
     UnknownPort { name: String, known: String },
     #[error(
-        "devices '{first}' and '{second}' are both on port {port}, which only Modbus slaves can share: give one of them its own with option `port` {second}=PATH"
+        "devices '{first}' and '{second}' are both on port {port}, which only Modbus slaves can share: give one of them its own with option `port {second}=PATH`"
     )]
     SamePort { first: String, second: String, port: String },
     #[error(
@@ -37,7 +37,7 @@ pub enum RecordError {
     #[error("no sample arrived, so there is nothing to write")]
     NotBegun,
     #[error(
-        "port {port} of device '{device}' does not exist: is it plugged in? Choose another one with option `port` {device}=PATH ({known})"
+        "port {port} of device '{device}' does not exist: is it plugged in? Choose another one with option `port {device}=PATH` ({known})"
     )]
     PortMissing { device: String, port: String, known: String },
     #[error(

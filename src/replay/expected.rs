@@ -42,7 +42,7 @@ pub enum ExpectedError {
     /// There is none.
     #[error(
         "{recording} has no expected results beside it ({file} does not exist); `surgescope replay --accept {recording}` \
-         writes the present results there, with option `effects` A,B also those of a calibration",
+         writes the present results there, with option `effects A,B` also those of a calibration",
         recording = recording.shown(), file = file.shown()
     )]
     Missing {

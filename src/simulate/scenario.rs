@@ -275,7 +275,7 @@ fn check_names(model: &Model, water: &WaterProperties, settings: &[(String, f64)
             if effect.elements().is_some() { format!("{}:{elements}", effect.name()) } else { effect.name().into() };
         match model.effects.iter().find(|c| c.effect.name() == effect.name()) {
             Some(chosen) => format!("it needs the effect '{label}', and this model has '{}'", chosen.label()),
-            None => format!("it belongs to the effect '{}': add option `effects` {label}", effect.name()),
+            None => format!("it belongs to the effect '{}': add option `effects {label}`", effect.name()),
         }
     } else if let Some(nearest) = nearest {
         format!("did you mean '{nearest}'? This model has {}", known.join(", "))

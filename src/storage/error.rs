@@ -197,7 +197,7 @@ pub enum CsvProblem {
     },
     /// A sensor of the rig has no column.
     #[error(
-        "no column for the {kind} sensor '{sensor}' of rig '{rig}'; the columns are {found}{hint} Rename the column, use the rig file of this test, or leave the sensor out with option `without` {sensor}"
+        "no column for the {kind} sensor '{sensor}' of rig '{rig}'; the columns are {found}{hint} Rename the column, use the rig file of this test, or leave the sensor out with option `without {sensor}`"
     )]
     MissingColumn {
         /// The sensor.
@@ -229,7 +229,7 @@ pub enum CsvProblem {
     #[error("column '{0}' appears twice in the header: keep one")]
     DuplicateColumn(String),
     /// A sensor to leave out that the rig does not have, or that has a column.
-    #[error("option `without` {sensor}: {why}")]
+    #[error("option `without {sensor}`: {why}")]
     BadWithout {
         /// The sensor.
         sensor: String,
@@ -293,7 +293,7 @@ pub enum CsvProblem {
     },
     /// A sensor whose column is empty throughout.
     #[error(
-        "column '{column}': the pressure sensor has no sample in the whole file; if it was not recorded, remove the column and add option `without` {column}"
+        "column '{column}': the pressure sensor has no sample in the whole file; if it was not recorded, remove the column and add option `without {column}`"
     )]
     NoSamples {
         /// The column.
@@ -311,7 +311,7 @@ pub enum CsvProblem {
     },
     /// A date whose day and month are ambiguous.
     #[error(
-        "'{0}' may be two dates, and no other line shows which: add option `date_order` dmy or option `date_order` mdy"
+        "'{0}' may be two dates, and no other line shows which: add option `date_order dmy` or option `date_order mdy`"
     )]
     WhichDay(String),
     /// A cell that is no date-time where the others are.
@@ -341,9 +341,7 @@ pub enum CsvProblem {
         likely: String,
     },
     /// A rate that the times of the file contradict.
-    #[error(
-        "at {rate_hz} samples a second, this line would come later than its time, '{time}', says: the rate or the time is wrong; give another rate with option `rate`"
-    )]
+    #[error("at {rate_hz} samples a second, this line would come later than its time, '{time}', says: the rate or the time is wrong; give another rate with option `rate`")]
     RateContradicted {
         /// The rate, Hz.
         rate_hz: f64,
@@ -351,9 +349,7 @@ pub enum CsvProblem {
         time: String,
     },
     /// A column of two units.
-    #[error(
-        "column '{column}' is in '{first}' by its heading and in '{second}' by this line: give the unit that is right with option `scale` '{column}={first}', or correct the file"
-    )]
+    #[error("column '{column}' is in '{first}' by its heading and in '{second}' by this line: give the unit that is right with option `scale '{column}={first}'`, or correct the file")]
     TwoUnits {
         /// Its heading.
         column: String,

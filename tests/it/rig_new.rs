@@ -164,14 +164,17 @@ fn names_are_those_of_the_options_and_slips_are_named() {
     must(&folder, &["import", "log.csv", "--rig", "rig.toml", "--yes", "--map", &map, "-o", "run.mcap"]);
 }
 
-/// What is no recording is refused before a page is served.
+/// What a workbench cannot open is refused before a page is served.
 #[test]
-fn a_workbench_opens_recordings_only() {
+fn a_workbench_refuses_what_it_cannot_open() {
     let folder = logged();
-    for (file, words) in
-        [("gone.mcap", "gone.mcap does not exist"), ("log.csv", "`surgescope import` makes a recording")]
-    {
-        let (code, _, said) = within(&folder, &["open", file, "--no-browser"]);
+    for (files, words) in [
+        (&["gone.mcap"][..], "gone.mcap does not exist"),
+        (&["gone.csv"], "gone.csv does not exist"),
+        (&["true.toml", "true.mcap"], "not a mixture of them"),
+        (&["log.csv", "true.mcap"], "not a mixture of them"),
+    ] {
+        let (code, _, said) = within(&folder, &[&["open", "--no-browser"], files].concat());
         assert!(code == 2 && said.contains(words), "{said}");
     }
 }

@@ -4,10 +4,10 @@ use chrono::DateTime;
 use encoding_rs::Encoding;
 
 use crate::cli::args::values::positive;
+use crate::draft::answers::flow;
 use crate::report::advice::quoted;
-use crate::rig::spelled_unit;
 use crate::storage::import::{Line, MessageTime, SourceOptions, encoding_named, time_symbol, time_unit, zone_seconds};
-use crate::units::{Quantity, Unit};
+use crate::units::Unit;
 
 /// Options for what a file does not state.
 #[derive(Debug, Clone, clap::Args)]
@@ -109,14 +109,6 @@ fn scale(text: &str) -> Result<(String, Line), String> {
     let (name, line) = text.rsplit_once('=').ok_or_else(wrong)?;
     let line = line.parse().map_err(|_| wrong())?;
     if name.trim().is_empty() { Err(wrong()) } else { Ok((name.trim().to_owned(), line)) }
-}
-
-/// `0.25 L/s`.
-pub fn flow(text: &str) -> Result<(f64, Unit), String> {
-    let wrong = || format!("'{text}': write a flow with its unit, such as 0.25 L/s or 15 L/min");
-    let (value, unit) = text.trim().split_at(text.trim().find(char::is_alphabetic).ok_or_else(wrong)?);
-    let value = positive(value).map_err(|_| wrong())?;
-    spelled_unit(unit.trim(), Quantity::Flow).map(|unit| (value, unit)).ok_or_else(wrong)
 }
 
 fn zone(text: &str) -> Result<i32, String> {

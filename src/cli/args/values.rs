@@ -1,7 +1,7 @@
 //! Values on the command line: numbers in their ranges, `NAME=VALUE` pairs, an effect. Each is a clap value parser.
 
-pub(crate) use crate::cli::console::numbers::number;
 use crate::model::effects::{Chosen, parse_list};
+pub(crate) use crate::units::written::number;
 
 /// One effect, such as `leak` or `viscoelastic-wall:2`.
 ///

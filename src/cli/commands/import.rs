@@ -86,7 +86,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let Some(rig) = &args.rig else {
         let file = quoted(&args.files[0].shown());
         return Err(format!(
-            "the rig is missing, which says what each column measures and where: give it with --rig; `surgescope rig new {file}` writes one"
+            "the rig is missing, which says what each column measures and where: give it with --rig; `surgescope rig new {file}` writes one, and `surgescope open {file}` asks for it in the browser"
         )
         .into());
     };

@@ -31,7 +31,8 @@ const USUAL: [&str; 2] = ["recordings", "surgescope-demo"];
 /// without it nobody comes in. Ctrl-C ends the workbench.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Recordings of one rig, a folder of recordings, or a model file [default: recordings, or surgescope-demo].
+    /// Recordings of one rig, a folder of recordings, a model file, a rig file, or a table of a logger, for which a rig is made [default: recordings, or
+    /// surgescope-demo].
     #[arg(value_name = "PATH")]
     paths: Vec<PathBuf>,
     /// Do not open a browser.
@@ -119,7 +120,7 @@ fn commands(recordings: &[PathBuf], model: &Path) -> BTreeMap<&'static str, Stri
 fn usual() -> Result<PathBuf, String> {
     let found = USUAL.iter().map(Path::new).find(|folder| folder.is_dir());
     found.map(Path::to_owned).ok_or_else(|| {
-        "name what to open: a recording, a folder of recordings, or a model file; `surgescope demo` makes a recording to try".to_owned()
+        "name what to open: a recording, a folder of recordings, a model file, or a table of a logger; `surgescope demo` makes a recording to try".to_owned()
     })
 }
 

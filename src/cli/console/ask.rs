@@ -4,7 +4,7 @@ use std::cell::{Cell, RefCell};
 
 use dialoguer::Input;
 
-use crate::cli::console::numbers::measure;
+use crate::draft::answers::Measured;
 
 type AnyError = Box<dyn std::error::Error + Send + Sync>;
 
@@ -74,27 +74,21 @@ impl Dialogue {
         Ok(parse(text)?)
     }
 
-    /// A number within a range, in `unit` or with another one behind it.
+    /// A number within a range, in its unit or with another one behind it.
     ///
     /// # Errors
     /// As [`Dialogue::line`].
-    pub fn number(&self, question: &str, unit: &str, range: [f64; 2]) -> Result<f64, AnyError> {
-        self.line(&format!("{question}, {unit}"), None, within(unit, range))
+    pub fn number(&self, question: &str, asked: &Measured) -> Result<f64, AnyError> {
+        self.line(&format!("{question}, {}", asked.unit), None, |text| asked.parse(text))
     }
 
     /// Another number than the usual one; none where Enter leaves it at that.
     ///
     /// # Errors
     /// As [`Dialogue::line`].
-    pub fn other_number(
-        &self,
-        question: &str,
-        unit: &str,
-        usual: f64,
-        range: [f64; 2],
-    ) -> Result<Option<f64>, AnyError> {
-        let (parse, question) = (within(unit, range), format!("{question}, {unit} [{usual}]"));
-        self.line(&question, None, |text| if text.is_empty() { Ok(None) } else { parse(text).map(Some) })
+    pub fn other_number(&self, question: &str, asked: &Measured, usual: f64) -> Result<Option<f64>, AnyError> {
+        let question = format!("{question}, {} [{usual}]", asked.unit);
+        self.line(&question, None, |text| if text.is_empty() { Ok(None) } else { asked.parse(text).map(Some) })
     }
 }
 
@@ -108,15 +102,6 @@ fn typed(
     let input = Input::<String>::new().with_prompt(prompt).allow_empty(true);
     let text = input.validate_with(|text: &String| check(text.trim())).interact_text()?;
     Ok(text.trim().to_owned())
-}
-
-fn within(unit: &str, [low, high]: [f64; 2]) -> impl Fn(&str) -> Result<f64, String> {
-    move |text| match measure(text, unit) {
-        _ if text.is_empty() => Err(format!("type a number in {unit}")),
-        Ok(value) if (low..=high).contains(&value) => Ok(value),
-        Ok(_) => Err(format!("it must be from {low} to {high} {unit}")),
-        Err(error) => Err(error),
-    }
 }
 
 /// Yes or no; Enter alone is yes.

@@ -6,7 +6,6 @@ pub(crate) mod document;
 pub(crate) mod hints;
 pub(crate) mod last_words;
 pub(crate) mod live;
-pub(crate) mod numbers;
 pub mod outcome;
 pub(crate) mod page;
 pub(crate) mod print;

@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::io::Write as _;
 
 use crate::shown::controls;
+use crate::shown::options::reworded;
 
 /// A line on standard output. Where nobody reads it any more (`| head`) that is no error: `println!` would panic.
 macro_rules! say {
@@ -22,23 +23,12 @@ macro_rules! tell {
 }
 pub(crate) use {say, say_text, tell};
 
-/// The text with the options that the library names (option `date_order`) as flags of the command line (`--date-order`): the library knows
-/// settings, and only the command line knows how they are written.
+/// The text with the options that the library names (option `date_order dmy`) as flags of the command line (`--date-order dmy`).
 pub(crate) fn with_flags(text: &str) -> Cow<'_, str> {
-    const NAMED: &str = "option `";
-    if !text.contains(NAMED) {
-        return Cow::Borrowed(text);
-    }
-    let mut out = String::with_capacity(text.len());
-    let mut rest = text;
-    while let Some((before, after)) = rest.split_once(NAMED) {
-        let flag = after.split_once('`').filter(|(n, _)| n.chars().all(|c| c.is_ascii_alphabetic() || c == '_'));
-        let (flag, after) =
-            flag.map_or((NAMED.to_owned(), after), |(name, after)| (format!("--{}", name.replace('_', "-")), after));
-        out.extend([before, &flag]);
-        rest = after;
-    }
-    Cow::Owned(out + rest)
+    reworded(text, |option| {
+        let value = option.value.map_or(String::new(), |value| format!(" {value}"));
+        format!("--{}{value}", option.name.replace('_', "-"))
+    })
 }
 
 /// Text whose lines are the program's own and in which nothing else controls a terminal: everything printed passes here. Names and paths show
@@ -82,7 +72,7 @@ mod tests {
 
     #[test]
     fn options_of_the_library_are_flags_on_the_command_line() {
-        let said = "an option `x y` is none; add option `date_order` dmy or option `map` 'A=P1'";
-        assert_eq!(with_flags(said), "an option `x y` is none; add --date-order dmy or --map 'A=P1'");
+        let said = "an option `2` is none; add option `date_order dmy` or option `map 'A=P1'`, with option `time-unit`";
+        assert_eq!(with_flags(said), "an option `2` is none; add --date-order dmy or --map 'A=P1', with --time-unit");
     }
 }

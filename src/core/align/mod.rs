@@ -114,7 +114,7 @@ pub fn refuse_overlaps(parts: &[Part], clocks: &[Clock]) -> Result<(), AlignErro
     let Some(w) = spans.windows(2).find(|w| w[1].0 <= w[0].1) else { return Ok(()) };
     let why = format!(
         "both hold '{sensor}', and at the same times: if these are two runs, import each alone; if one goes on after the other, give the start of each \
-         with option `start` FILE=TIME; if the column of one is another sensor, say which with option `map`"
+         with option `start FILE=TIME`; if the column of one is another sensor, say which with option `map`"
     );
     let [first, file] = [w[0].2, w[1].2].map(|i| parts[i].file.clone());
     Err(AlignError::Method { file, first, method: clocks[w[1].2].method, why })
@@ -168,7 +168,7 @@ fn contradict(clock: &mut Clock, first: &Part, other: &Part) {
         let verdict = if contradicts { "which contradicts it" } else { "which agrees" };
         if contradicts {
             clock.warnings.push(format!(
-                "by {method} it would be {} later than by {}; option `align` {method} uses that instead",
+                "by {method} it would be {} later than by {}; option `align {method}` uses that instead",
                 short(difference),
                 clock.method
             ));
@@ -190,10 +190,10 @@ fn check_overlap(clock: &mut Clock, first: &Part, other: &Part, asked_for: bool)
         return Ok(());
     }
     let apart = format!("by their times the two recordings do not overlap but lie {} apart", short(apart_s));
-    let remedy = "does one of them lack its time zone (option `zone` +01:00, or in its times)";
+    let remedy = "does one of them lack its time zone (option `zone +01:00`, or in its times)";
     if !asked_for && crate::align::front::by_front(first, other).is_ok() {
         let why = format!(
-            "{apart}, and both show the front: {remedy}? option `align` front uses the front instead, option `align` time uses these times anyway"
+            "{apart}, and both show the front: {remedy}? option `align front` uses the front instead, option `align time` uses these times anyway"
         );
         let (file, first) = (other.file.clone(), first.file.clone());
         return Err(AlignError::Method { file, first, method: Method::Time, why });
@@ -221,7 +221,7 @@ fn by_trigger(first: &Part, other: &Part) -> Result<Clock, String> {
     let edges = |part: &Part| {
         let mut known = triggers(part).peekable();
         if known.peek().is_none() {
-            let hint = "the rig needs a sensor of kind = \"trigger\", and every file a column of it (option `map` NAME=SENSOR)";
+            let hint = "the rig needs a sensor of kind = \"trigger\", and every file a column of it (option `map NAME=SENSOR`)";
             return Err(format!("{} has no trigger: {hint}", part.file));
         }
         known
@@ -234,7 +234,7 @@ fn by_trigger(first: &Part, other: &Part) -> Result<Clock, String> {
     let found = crate::align::trigger::matched(&a, &b, expected).map_err(|no| match no {
         crate::align::trigger::NoMatch::NoEdge => "no edge of one matches an edge of the other".to_string(),
         crate::align::trigger::NoMatch::Ambiguous => format!(
-            "{} edges against {} match in several ways; give both files their absolute start, or use option `align` front",
+            "{} edges against {} match in several ways; give both files their absolute start, or use option `align front`",
             a.len(),
             b.len()
         ),

@@ -61,6 +61,7 @@ use crate::fit::problem::error::FitError;
 use crate::fit::problem::fit_problem::{FitProblem, Window};
 use crate::fit::progress::{OnProgress, Progress};
 use crate::fit::search::calibrate::calibrate;
+use crate::fit::search::nested::or_from_signals;
 use crate::fit::search::options::Options;
 use crate::fit::validate::conflict::{at_bounds, conflicts, faded_noise, moved_sensors};
 use crate::fit::validate::held_out::held_out_m;
@@ -501,6 +502,8 @@ pub fn grow(
     let (fits, failures): (Vec<_>, Vec<_>) = fits.into_iter().partition(Result::is_ok);
     let best = fits.into_iter().flatten().min_by(|a, b| square(a).total_cmp(&square(b)));
     let best = best.ok_or_else(|| failures.into_iter().find_map(Result::err).unwrap_or(FitError::NoRun))?;
+    // where the smaller model ended without the effect may be far from where it ends with it
+    let best = or_from_signals(best, rig, runs, options, progress)?;
     let parameters = best.parameters.len() - start.parameters.len();
     let evidence = evidence_scale(&best, baseline.features()).evidence(square(start), square(&best), parameters);
     Ok((best, evidence))

@@ -22,7 +22,7 @@ pub enum ModelError {
     #[error("the effect '{name}' is named twice")]
     EffectTwice { name: String },
     #[error(
-        "friction takes {share:.3} of the impedance over one reach, more than the scheme resolves; give the grid at least {needed} reaches (option `set` reaches={needed} of a simulation, option `most_reaches` {needed} of a fit)"
+        "friction takes {share:.3} of the impedance over one reach, more than the scheme resolves; give the grid at least {needed} reaches (option `set reaches={needed}` of a simulation, option `most_reaches {needed}` of a fit)"
     )]
     FrictionTooCoarse { share: f64, needed: usize },
     #[error(

@@ -63,6 +63,8 @@ pub struct DraftSensor {
     pub unit: Told<Unit>,
     /// Distance from the supply, m.
     pub position_m: Told<f64>,
+    /// The column of a file that it is, by its full name.
+    pub column: Option<String>,
 }
 
 impl Draft {

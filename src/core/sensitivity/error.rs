@@ -18,7 +18,7 @@ pub enum SensitivityError {
     Beyond { name: String, low: f64, high: f64, lower: f64, upper: f64, unit: &'static str },
     #[error(
         "{name} = {value} is outside the bounds of its catalogue entry, {lower} to {upper} {unit}, so no range lies around it; \
-         give it one with option `range` {name}=LOW:HIGH"
+         give it one with option `range {name}=LOW:HIGH`"
     )]
     NoRange { name: String, value: f64, lower: f64, upper: f64, unit: &'static str },
     #[error("no parameter varies: name at least one")]
@@ -36,7 +36,7 @@ pub enum SensitivityError {
     #[error("all {runs} simulations failed, the first because: {why}; narrow the ranges or set other values")]
     AllFailed { runs: usize, why: ModelError },
     #[error(
-        "this needs the effect 'viscoelastic-wall:2', and the model has {effects}: add option `effects` viscoelastic-wall:2"
+        "this needs the effect 'viscoelastic-wall:2', and the model has {effects}: add option `effects viscoelastic-wall:2`"
     )]
     NeedsTwoElements { effects: String },
     #[error(transparent)]

@@ -198,6 +198,6 @@ mod tests {
         assert!(said(&usual, &[range("tau1_s", 0.1, f64::NAN)]).contains("is not a range"));
         assert!(said(&usual, &[range("tau1_s", 1e-4, 0.1)]).contains("reaches beyond"));
         assert!(said(&usual, &[range("tau1_s", 0.1, 0.2), range("tau1_s", 0.1, 0.2)]).contains("twice"));
-        assert!(said(&[100.0, 0.0, 1.0], &[]).contains("option `range` tau1_s=LOW:HIGH"));
+        assert!(said(&[100.0, 0.0, 1.0], &[]).contains("option `range tau1_s=LOW:HIGH`"));
     }
 }

@@ -78,7 +78,7 @@ pub fn in_words(faults: &[SensorFault]) -> String {
     let own = alike.iter().filter(|group| group.1.forbids_a_fit() && !common(group));
     let own: Vec<&str> = own.flat_map(|(sensors, _)| sensors.iter().copied()).collect();
     if !own.is_empty() {
-        words += &format!(". Mend it, or leave it out with option `ignore` {}", own.join(","));
+        words += &format!(". Mend it, or leave it out with option `ignore {}`", own.join(","));
     }
     words
 }

@@ -178,7 +178,7 @@ mod tests {
     #[test]
     fn a_port_that_is_not_there_says_what_to_do() {
         let text = refusal("/dev/ttyNOWHERE");
-        assert!(text.contains("/dev/ttyNOWHERE") && text.contains("option `port` daq=PATH"), "{text}");
+        assert!(text.contains("/dev/ttyNOWHERE") && text.contains("option `port daq=PATH`"), "{text}");
     }
 
     #[cfg(unix)]

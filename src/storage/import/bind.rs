@@ -226,7 +226,7 @@ fn unknown(track: &Track, rig: &Rig) -> CsvProblem {
         column: track.name.clone(),
         rig: rig.name.clone(),
         hint: meant
-            .map_or(".".into(), |n| format!("; did you mean '{n}'? Then add option `map` '{}={n}'.", track.name)),
+            .map_or(".".into(), |n| format!("; did you mean '{n}'? Then add option `map '{}={n}'`.", track.name)),
         known: known.join(", "),
     }
 }
@@ -237,7 +237,7 @@ fn no_sensor(path: &Path, rig: &Rig, spare: &[String], table: bool) -> LogError 
     let what = if table { "columns" } else { "channels" };
     let sensor = sensors.first().copied().unwrap_or("P1");
     let why = format!(
-        "none of its {what} is a sensor of rig '{}', which has {}. Assign them, as in option `map` '{first}={sensor}'; the file has {}",
+        "none of its {what} is a sensor of rig '{}', which has {}. Assign them, as in option `map '{first}={sensor}'`; the file has {}",
         rig.name,
         sensors.join(", "),
         listed(spare)
@@ -278,7 +278,7 @@ fn converted(
         let name = &sensor.name;
         let off = significant(from.from_si(ATMOSPHERE_PA, density), 6);
         let text = format!(
-            "'{}' is absolute: the standard atmosphere, {off} {from}, is taken off (for that of your day: option `scale` '{name}=x-{off} {from}')",
+            "'{}' is absolute: the standard atmosphere, {off} {from}, is taken off (for that of your day: option `scale '{name}=x-{off} {from}'`)",
             track.name
         );
         repairs.push(Repair::guess("absolute", text));

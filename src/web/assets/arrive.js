@@ -4,6 +4,7 @@ import { post } from "/assets/api.js";
 import { at, digits, h, put } from "/assets/dom.js";
 import { app, complain } from "/assets/store.js";
 import { known, runs } from "/assets/runs.js";
+import { TIMES, entry, makeRig } from "/assets/newrig.js";
 
 const base64 = (file) => new Promise((resolve, reject) => {
   const reader = new FileReader();
@@ -12,14 +13,27 @@ const base64 = (file) => new Promise((resolve, reject) => {
   reader.readAsDataURL(file);
 });
 
+// A table of a rig that is not there yet: a form asks for it. False where the file knows its rig.
+async function withoutRig(file, new_rig = false) {
+  const found = await post("/api/import", { name: file.name, content: await base64(file), new_rig });
+  if (!found.needs_rig) return false;
+  at("runs").close();
+  await makeRig(found.needs_rig);
+  return true;
+}
+
 export async function arrive(file) {
+  const no_rig = !app.state.open && !app.state.can_record.length;
+  try { if (no_rig && (await withoutRig(file))) return; } catch (error) { complain(error); return; }
   if (!at("runs").open) runs();
   const box = at("import");
   put(box, h("p", { text: `Reading ${file.name}…` }));
   box.scrollIntoView({ block: "nearest" });
   let content;
   try { content = await base64(file); } catch (error) { complain(error); return; }
-  let [rate, writing, rigOf] = [null, false, null];
+  let [writing, rigOf] = [false, null];
+  // what is written of the times
+  const times = {};
   // what the numbers of a sensor's column stand for, where they are volts, milliamperes or in another unit than the rig's
   const scale = new Map();
   // the column of a sensor, also while the file cannot be understood
@@ -31,7 +45,7 @@ export async function arrive(file) {
     app.opens ||= accept;
     const scales = map.filter(([, sensor]) => scale.get(sensor)).map(([column, sensor]) => [column, scale.get(sensor)]);
     try {
-      const found = await post("/api/import", { name: file.name, content, map, ignore, without, accept, scales, rate_hz: rate, rig_of: rigOf });
+      const found = await post("/api/import", { name: file.name, content, map, ignore, without, accept, scales, times, rig_of: rigOf });
       if (accept) at("runs").close(); else show(found);
     } catch (error) {
       writing = false;
@@ -66,10 +80,13 @@ export async function arrive(file) {
       const taken = new Set(map.map(([column]) => column));
       return [map, found.columns.filter((c) => !taken.has(c)), choices.filter(([, choice]) => !choice.value).map(([sensor]) => sensor)];
     };
-    const hertz = found.needs_rate ? h("label", {}, "samples per second, Hz ", h("input", { type: "number", min: 0, step: "any", value: rate ?? "", "data-key": "rate", onchange: (event) => {
-      rate = event.target.valueAsNumber > 0 ? event.target.valueAsNumber : null;
-      look(...said(), false);
-    } })) : null;
+    const needed = new Map(found.remarks.map((remark) => [remark.field, remark.says]));
+    const ofTimes = TIMES.filter(([key]) => times[key] || needed.has(key)).map(([key, label, example, choices]) => {
+      const input = entry(times[key] ?? "", example, choices, () => {});
+      input.dataset.key = key;
+      input.addEventListener("change", () => { times[key] = input.value; look(...said(), false); });
+      return h("label", {}, `${label} `, input, h("span", { class: "hint", text: ` ${needed.get(key) ?? ""}` }));
+    });
     const line = ([sensor, choice]) => {
       const volts = h("input", { type: "text", size: 18, placeholder: "psi, or 1..5 -> 0..10 bar", value: scale.get(sensor) ?? "", "aria-label": `Unit of the numbers of ${sensor}, or the ranges of its transducer, where the heading does not say`, "data-key": `scale ${sensor}`, onchange: () => {
         scale.set(sensor, volts.value.trim());
@@ -83,9 +100,9 @@ export async function arrive(file) {
       h("h3", { text: found.problem ? `${file.name}: which column is which sensor?` : `${file.name}, as understood` }),
       found.problem ? h("p", { class: "advice", text: found.problem }) : null,
       rigs(found),
-      hertz, h("table", {}, h("thead", {}, h("tr", {}, ["sensor", "column of the file", "another unit, or from V or mA", "unit", "samples", "first values"].map((text) => h("th", { scope: "col", text })))), h("tbody", {}, choices.map(line))),
+      ofTimes, h("table", {}, h("thead", {}, h("tr", {}, ["sensor", "column of the file", "another unit, or from V or mA", "unit", "samples", "first values"].map((text) => h("th", { scope: "col", text })))), h("tbody", {}, choices.map(line))),
       notes.length ? h("ul", {}, notes.map((text) => h("li", { text }))) : null,
-      h("p", { class: "buttons" }, h("button", { type: "button", class: "primary", text: "Import", disabled: Boolean(found.problem), onclick: () => look(...said(), true) }), h("button", { type: "button", text: "Do not import", onclick: () => put(box) }))));
+      h("p", { class: "buttons" }, h("button", { type: "button", class: "primary", text: "Import", disabled: Boolean(found.problem), onclick: () => look(...said(), true) }), h("button", { type: "button", text: "Do not import", onclick: () => put(box) }), found.as_it_is ? null : h("button", { type: "button", text: "It is of another rig: make one", onclick: () => withoutRig(file, true).catch(complain) }))));
   };
   await look([], [], [], false);
 }

@@ -11,6 +11,7 @@ import { rig } from "/assets/rig.js";
 import { catalogue, job, missing, progress } from "/assets/future.js";
 import { list, runs } from "/assets/runs.js";
 import { arrive } from "/assets/arrive.js";
+import { tables } from "/assets/newrig.js";
 import { live, record, recording } from "/assets/record.js";
 
 const KEYS = [["1 2 3", "first rise, a cycle, the whole record"], ["← →", "pan"], ["d", "diagnose"], ["f", "fit"], ["u r", "undo, redo"], ["m", "heads in m, or in the sensors' own unit"], ["p", "a place along the pipe: arrows move it, Enter adds an effect there"], ["c", "the candidates: Tab to Add"], ["s", "the sliders"], ["o", "runs"], ["e", "effects"], ["Escape", "cancel the job"], ["?", "these keys"]];
@@ -58,6 +59,7 @@ onState(() => {
   // where no run is open there is nothing to fit or to explain
   document.body.classList.toggle("bare", !app.state.open && !app.state.job);
   meet();
+  tables();
   list();
   title();
   inUnit();
@@ -121,7 +123,7 @@ function keys() {
 }
 
 document.addEventListener("keydown", (event) => {
-  if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]")) return;
+  if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open], body.making")) return;
   const slides = event.target.matches("input[type=range]");
   if (event.target.matches("input:not([type=checkbox], [type=range]), select, textarea") || (slides && event.key.startsWith("Arrow"))) return;
   const does = {

@@ -5,10 +5,10 @@ import { at, digits, named, put, svg } from "/assets/dom.js";
 import { app } from "/assets/store.js";
 import { move, release } from "/assets/hands.js";
 import { offer } from "/assets/place.js";
+import { AXIS, line } from "/assets/drawing.js";
 
 const TAP = matchMedia("(pointer: coarse)").matches ? "double-tap" : "double-click";
 
-const AXIS = 52;
 // From where to where the pipe is drawn, of what width; how wide a letter of a name is. On a phone all is larger.
 let [FROM, TO, WIDTH, LETTER] = [70, 930, 1000, 7];
 const phone = matchMedia("(max-width: 700px)");
@@ -93,18 +93,8 @@ export function rig() {
   [FROM, TO, WIDTH, LETTER] = phone.matches ? [42, 440, 484, 8] : [70, 930, 1000, 7];
   const { length_m: length, pipes, supply } = open.rig;
   const x = (m) => FROM + ((TO - FROM) * m) / length;
-  const widest = Math.max(...pipes.map((p) => p.inner_diameter_m));
-  const sensors = [...new Map(open.runs.flatMap((r) => r.sensors).map((s) => [s.name, s])).values()].sort((a, b) => a.position_m - b.position_m);
-  let last = -1e9;
-  const foot = (s) => {
-    // names that would touch stand one above the other
-    const text = `${s.name} ${digits(s.position_m, 4)} m`;
-    const [at_end, wide] = [x(s.position_m) > TO - 30, LETTER * text.length];
-    const left = x(s.position_m) - (at_end ? wide : wide / 2);
-    const raised = left < last;
-    last = raised ? -1e9 : left + wide;
-    return svg("g", {}, svg("circle", { cx: x(s.position_m), cy: AXIS, r: 5, class: "sensor" }), svg("text", { x: x(s.position_m), y: raised ? 16 : 32, "text-anchor": at_end ? "end" : "middle", text }));
-  };
+  const sensors = [...new Map(open.runs.flatMap((r) => r.sensors).map((s) => [s.name, s])).values()];
+  const [under, over] = line({ length, pipes, supply, sensors }, { from: FROM, to: TO, letter: LETTER });
   const all = app.state.model?.parameters || [];
   const placed = all.filter((p) => p.effect && /_(position|start|end)_m$/.test(p.name)).sort((a, b) => a.value - b.value);
   const stretches = placed.filter((p) => /_start_m$/.test(p.name)).map((p) => [p, placed.find((q) => q.name === p.name.replace("_start_m", "_end_m"))]).filter(([, to]) => to);
@@ -113,11 +103,8 @@ export function rig() {
   rows.forEach((row, i) => { if (row && rows[i - 1]) rows[i] = 0; });
   at("rig-hint").textContent = `${open.rig.name}, ${digits(length, 4)} m${app.state.model ? ` · ${placed.length ? "drag an effect along the pipe; " : ""}${TAP} the pipe to add ${placed.length ? "one" : "an effect"} there` : ""}`;
   put(at("rig"), svg("svg", { viewBox: `0 0 ${WIDTH} ${placed.length ? 108 + 16 * Math.max(...rows) : 86}`, role: "group", "aria-label": `Rig ${open.rig.name}`, ondblclick: (event) => { const m = placeOf(event, length); if (m >= 0 && m <= length) offer(m); } },
-    supply === "pump" ? svg("circle", { cx: FROM - 14, cy: AXIS, r: 14, class: "supply" }) : svg("rect", { x: FROM - 30, y: AXIS - 34, width: 30, height: 44, class: "supply" }),
-    svg("text", { x: FROM - 15, y: AXIS + 26, "text-anchor": "middle", text: supply === "pump" ? "pump" : "supply" }),
-    pipes.map((p) => svg("line", { x1: x(p.from_m), x2: x(p.to_m), y1: AXIS, y2: AXIS, class: "pipe", "stroke-width": Math.max(3, (9 * p.inner_diameter_m) / widest) }, svg("title", { text: `${p.name}: ${digits(p.to_m - p.from_m, 4)} m, ${digits(1000 * p.inner_diameter_m, 4)} mm` }))),
+    under,
     stretches.map(([from, to]) => svg("line", { x1: x(from.value), x2: x(to.value), y1: AXIS, y2: AXIS, class: "stretch" })),
     pocket ? svg("g", {}, svg("circle", { cx: TO - 8, cy: AXIS - 7, r: 6, class: "air" }), svg("title", { text: "air pocket at the valve" })) : null,
-    svg("path", { d: `M${TO} ${AXIS - 9} l20 18 v-18 l-20 18 z`, class: "valve" }), svg("text", { x: TO + 10, y: AXIS + 26, "text-anchor": "middle", text: "valve" }),
-    sensors.map(foot), app.state.model ? pointer(x, length) : null, placed.map((p, i) => marker(p, x, length, rows[i]))));
+    over, app.state.model ? pointer(x, length) : null, placed.map((p, i) => marker(p, x, length, rows[i]))));
 }

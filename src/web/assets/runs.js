@@ -38,7 +38,7 @@ const is = {
   missing: (r) => ["missing-effect", "unknown-effect"].includes(r.verdict), unknown: (r) => over(r) === null && !r.verdict,
 };
 
-function spark(heads) {
+export function spark(heads) {
   if (!heads || heads.length < 2) return null;
   const [low, high] = [Math.min(...heads), Math.max(...heads)];
   const points = heads.map((v, i) => `${((80 * i) / (heads.length - 1)).toFixed(1)},${(19 - (18 * (v - low)) / (high - low || 1)).toFixed(1)}`);

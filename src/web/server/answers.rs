@@ -6,12 +6,14 @@ use axum::http::{HeaderValue, Response, StatusCode};
 use axum::response::IntoResponse;
 use serde_json::{Value, json};
 
+use crate::web::view::words::in_json;
+
 /// What a request is answered with.
 pub(crate) type Answer = Response<Body>;
 
-/// JSON.
+/// JSON, whose sentences name options as the page does.
 pub(crate) fn of_json(value: &Value) -> Answer {
-    ([(CONTENT_TYPE, "application/json")], value.to_string()).into_response()
+    ([(CONTENT_TYPE, "application/json")], in_json(value.to_string())).into_response()
 }
 
 /// A refusal with its reason.

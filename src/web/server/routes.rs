@@ -39,6 +39,7 @@ use crate::web::view::curves::{Question, of_all, of_sensor, simulate};
 use crate::web::view::packed::Packed;
 use crate::web::view::parquet::parquet;
 use crate::web::view::take_away::{self, as_table};
+use crate::web::view::words::in_json;
 use crate::web::view::{model, state};
 
 type AnyError = Box<dyn Error + Send + Sync>;
@@ -80,6 +81,7 @@ pub fn router(session: Arc<Session>, guard: Arc<Guard>, more: Router<Arc<App>>) 
         .route("/api/open", post(open))
         .route("/api/cancel", post(cancel))
         .route("/api/import", post(import))
+        .route("/api/new-rig", post(new_rig))
         .route("/api/record", post(record))
         .route(
             "/api/record/stop",
@@ -201,6 +203,10 @@ async fn cancel(State(app): State<Arc<App>>) -> Answer {
 
 async fn import(State(app): State<Arc<App>>, body: Bytes) -> Answer {
     calm(move || Ok(of_json(&app.session.import(&parsed(&body)?)?))).await
+}
+
+async fn new_rig(State(app): State<Arc<App>>, body: Bytes) -> Answer {
+    calm(move || Ok(of_json(&app.session.new_rig(&parsed(&body)?)?))).await
 }
 
 async fn record(State(app): State<Arc<App>>, body: Bytes) -> Answer {
@@ -345,7 +351,7 @@ async fn events(State(app): State<Arc<App>>) -> Answer {
                 },
                 (None, _) => session.bench().and_then(|bench| model::json(&bench)).unwrap_or_default().to_string(),
             };
-            break Event::default().event(heard.name).data(data);
+            break Event::default().event(heard.name).data(in_json(data));
         };
         Some((Ok::<_, Infallible>(event), (listener, session, told)))
     });

@@ -8,15 +8,18 @@ use base64::prelude::BASE64_STANDARD;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
+use crate::draft::remark::Weight;
+use crate::draft::times::Times;
 use crate::rig::Rig;
 use crate::rig::check::return_time_s;
 use crate::shown::Shown as _;
 use crate::signal::doubts::doubts;
 use crate::signal::faults::sensor_faults;
 use crate::signal::inspect;
-use crate::storage::import::{ImportOptions, Imported, Line, SourceOptions, import_file, read_source, unit_warnings};
+use crate::storage::import::{ImportOptions, Imported, SourceOptions, import_file, read_source, unit_warnings};
 use crate::storage::{LogError, keep, read, write};
 use crate::watch::evaluate::sentence;
+use crate::web::session::new_rig::free;
 
 type AnyError = Box<dyn Error + Send + Sync>;
 
@@ -43,22 +46,40 @@ pub struct Dropped {
     /// Samples per second of a column that counts samples.
     #[serde(default)]
     pub rate_hz: Option<f64>,
+    /// What is written of the times.
+    #[serde(default)]
+    pub times: Times,
     /// Columns with what their numbers stand for: of volts or milliamperes such as `1..5 -> 0..10 bar`, of another unit such as `psi`.
     #[serde(default)]
     pub scales: Vec<(String, String)>,
+    /// It is of a rig that is not there yet: a form asks for it.
+    #[serde(default)]
+    pub new_rig: bool,
     /// Write it as it was understood; otherwise it is only looked at.
     #[serde(default)]
     pub accept: bool,
 }
 
-/// Reads a file on a rig and, where that is agreed, writes it to a folder. Returns how it was understood, and the recording.
+impl Dropped {
+    /// Its name as a folder lists it, and its bytes.
+    ///
+    /// # Errors
+    /// A file without a name, content that is not base64.
+    pub fn unpacked(&self) -> Result<(String, Vec<u8>), AnyError> {
+        let name = plain_name(&self.name).ok_or("the file has no name")?;
+        let bytes = BASE64_STANDARD.decode(&self.content).map_err(|e| format!("the content is not base64: {e}"))?;
+        Ok((name, bytes))
+    }
+}
+
+/// Reads a file on a rig and, where that is agreed, writes it to a folder. Returns how it was understood, and the recording; of a table without a rig
+/// that it `needs_rig`.
 ///
 /// # Errors
 /// A file that is no recording of this rig, a folder that cannot be written to.
-pub fn take(dropped: &Dropped, rig: &Rig, folder: &Path) -> Result<(Value, Option<PathBuf>), AnyError> {
-    let name = plain_name(&dropped.name).ok_or("the file has no name")?;
+pub fn take(dropped: &Dropped, rig: Option<&Rig>, folder: &Path) -> Result<(Value, Option<PathBuf>), AnyError> {
+    let (name, bytes) = dropped.unpacked()?;
     let name = name.as_str();
-    let bytes = BASE64_STANDARD.decode(&dropped.content).map_err(|e| format!("the content is not base64: {e}"))?;
     // readers go by the ending of a name
     let scratch = tempfile::tempdir()?;
     let path = scratch.path().join(name);
@@ -67,36 +88,49 @@ pub fn take(dropped: &Dropped, rig: &Rig, folder: &Path) -> Result<(Value, Optio
     let by_name = |error: AnyError| sentence(&*error).replace(&*path.shown(), &Path::new(name).shown());
     // A recording knows its rig, and is taken as it is.
     let own = if dropped.rig_of.is_none() { read(&path).ok() } else { None };
-    let rig = own.as_ref().map_or(rig, |recording| &recording.rig);
+    let Some(rig) = own.as_ref().map(|recording| &recording.rig).or(rig) else {
+        return Ok((json!({ "needs_rig": name }), None));
+    };
     let sensors: Vec<&str> = rig.sensors.iter().map(|sensor| sensor.name.as_str()).collect();
-    let guessing = SourceOptions { guess: true, rate_hz: dropped.rate_hz, ..SourceOptions::default() };
+    let mut remarks = Vec::new();
+    let reading = dropped.times.reading(&mut remarks);
+    let guessing = SourceOptions { rate_hz: reading.rate_hz.or(dropped.rate_hz), ..reading };
     let source = read_source(&path, &guessing);
+    if let (Err(error), None) = (&source, &own) {
+        remarks.extend(Times::unread(error));
+    }
+    if let (Some(wrong), true) = (remarks.iter().find(|remark| remark.weight == Weight::Wrong), dropped.accept) {
+        return Err(format!("{}: {}", wrong.field, wrong.says).into());
+    }
     let needs_rate = dropped.rate_hz.is_some() || source.as_ref().is_err_and(LogError::lacks_rate);
     let columns: Vec<String> =
         source.map_or(Vec::new(), |read| read.tracks.into_iter().map(|track| track.name).collect());
     let scales = dropped.scales.iter().map(|(column, line)| Ok((column.clone(), line.parse()?)));
     let scales = scales.collect::<Result<Vec<_>, String>>();
-    let read = scales.map_err(AnyError::from).and_then(|scales| imported(dropped, scales, rig, &path));
+    let read = scales
+        .map_err(AnyError::from)
+        .and_then(|scales| imported(dropped, SourceOptions { scales, ..guessing }, rig, &path));
     let imported = match read.map_err(by_name) {
         // what is only looked at may still be mended: by the rate of its samples, or by saying which column is which sensor
-        Err(error) if !dropped.accept && (needs_rate || !columns.is_empty()) => {
+        Err(error) if !dropped.accept && (needs_rate || !remarks.is_empty() || !columns.is_empty()) => {
             let about = json!({
-                "problem": error, "rig": rig.name, "columns": columns, "sensors": sensors, "needs_rate": needs_rate,
+                "problem": error, "remarks": remarks, "rig": rig.name, "columns": columns, "sensors": sensors, "needs_rate": needs_rate,
             });
             return Ok((about, None));
         }
         other => other?,
     };
+    remarks.extend(dropped.times.asked(&imported.repairs));
     let doubts = inspect(&imported.recording).map_or(Vec::new(), |features| doubts(rig, &features));
     let mut about = json!({
-        "rig": rig.name, "as_it_is": own.is_some(), "doubts": doubts, "columns": columns, "sensors": sensors, "needs_rate": needs_rate,
+        "rig": rig.name, "remarks": remarks, "as_it_is": own.is_some(), "doubts": doubts, "columns": columns, "sensors": sensors, "needs_rate": needs_rate,
         "understood": imported.understood(Path::new(name)), "mended": imported.repairs,
         "warnings": unit_warnings(&imported.recording), "sensor_faults": sensor_faults(&imported.recording),
         "written": null,
     });
-    let out = free(folder, Path::new(name));
-    let becomes = out.file_stem().unwrap_or_default().to_string_lossy();
     let taken = Path::new(name).file_stem().unwrap_or_default().to_string_lossy();
+    let out = free(folder, &taken, "mcap");
+    let becomes = out.file_stem().unwrap_or_default().to_string_lossy();
     about["taken"] = json!(
         (becomes != taken)
             .then(|| { format!("The folder has a recording {taken}.mcap already; this one becomes {becomes}.mcap.") })
@@ -121,26 +155,12 @@ fn plain_name(name: &str) -> Option<String> {
 }
 
 /// As it stands, or else with guesses.
-fn imported(dropped: &Dropped, scales: Vec<(String, Line)>, rig: &Rig, path: &Path) -> Result<Imported, AnyError> {
+fn imported(dropped: &Dropped, reading: SourceOptions, rig: &Rig, path: &Path) -> Result<Imported, AnyError> {
     let options = ImportOptions { without: dropped.without.clone(), ..ImportOptions::default() };
-    let said = SourceOptions {
-        map: dropped.map.clone(),
-        ignore: dropped.ignore.clone(),
-        rate_hz: dropped.rate_hz,
-        scales,
-        ..SourceOptions::default()
-    };
+    let said = SourceOptions { map: dropped.map.clone(), ignore: dropped.ignore.clone(), guess: false, ..reading };
     import_file(path, rig, &options, &said, true).or_else(|_| {
         let period_s = 2.0 * return_time_s(rig, &rig.fluid.properties(rig.fluid.temperature_degc));
         let guessing = SourceOptions { guess: true, period_s: Some(period_s), ..said };
         Ok(import_file(path, rig, &options, &guessing, true)?)
     })
-}
-
-/// A recording of this name that does not exist yet.
-fn free(folder: &Path, name: &Path) -> PathBuf {
-    let stem = name.file_stem().unwrap_or_default().to_string_lossy();
-    let first = folder.join(format!("{stem}.mcap"));
-    let further = (2..).map(|n| folder.join(format!("{stem}-{n}.mcap")));
-    std::iter::once(first.clone()).chain(further).find(|path| !path.exists()).unwrap_or(first)
 }

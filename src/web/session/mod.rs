@@ -7,6 +7,7 @@ pub mod benches;
 pub mod events;
 pub mod glances;
 pub mod jobs;
+pub mod new_rig;
 pub mod place;
 pub mod recording;
 pub mod samples;
@@ -30,6 +31,7 @@ use crate::web::session::benches::Benches;
 use crate::web::session::events::Hub;
 use crate::web::session::glances::Glances;
 use crate::web::session::jobs::{Busy, Jobs};
+use crate::web::session::new_rig::{Asked, Tables};
 use crate::web::session::place::{NoSuchRun, Place, Run};
 use crate::web::session::recording::{Recorder, Wanted};
 
@@ -52,6 +54,8 @@ pub struct Session {
     pub recorder: Arc<Recorder>,
     /// Runs that are looked at without being opened.
     pub glances: Glances,
+    /// Tables of which rigs are made.
+    pub tables: Tables,
     /// The disk that a recording fills; whoever asks waits for the disk, the recorder does not.
     pub disk: Mutex<DiskWatch>,
     /// Recordings that have come since the first was started here.
@@ -79,6 +83,7 @@ impl Session {
             hub,
             recorder: Arc::default(),
             glances: Glances::default(),
+            tables: Tables::default(),
             disk: Mutex::default(),
             arrivals: Mutex::default(),
         });
@@ -196,34 +201,52 @@ impl Session {
         Ok(())
     }
 
-    /// Looks at a file that was dropped on the page; where that is agreed, it becomes a recording and is opened.
+    /// Looks at a file that was dropped on the page; where that is agreed, it becomes a recording and is opened. A table without a rig is kept,
+    /// and named as one that needs a rig ([`Session::new_rig`]).
     ///
     /// # Errors
-    /// No rig, a file that is no recording of it, a folder that cannot be written to.
+    /// A file that is no recording of its rig, a folder that cannot be written to.
     pub fn import(self: &Arc<Self>, dropped: &Dropped) -> Result<Value, AnyError> {
         let rig = match &dropped.rig_of {
             Some(id) => {
                 let runs = self.place.named(&[id.parse().map_err(|_| NoSuchRun)?])?;
-                self.glances.study(&runs[0].path)?.rig().clone()
+                Some(self.glances.study(&runs[0].path)?.rig().clone())
             }
-            None => self.rig().ok_or("open a rig file, or a recording of the rig, to import to it")?,
+            None => self.rig(),
         };
-        let (mut about, written) = arrival::take(dropped, &rig, &self.folder())?;
-        if let Some(path) = written {
-            let run = self.place.add(path.clone());
-            about["run"] = json!(run.id.to_string());
-            let job = self.open(vec![run], false).ok();
-            about["job"] = json!(job);
-            let mut arrivals = self.arrivals();
-            if let Some((_, known)) = &mut arrivals.folder {
-                known.insert(path.clone());
-            }
-            if job.is_none() {
-                // it is opened when the job at work has ended
-                arrivals.waiting.push_back((path, false));
-            }
+        let rig = rig.filter(|_| !dropped.new_rig);
+        let (mut about, written) = arrival::take(dropped, rig.as_ref(), &self.folder())?;
+        if about["needs_rig"].is_string() {
+            let (name, bytes) = dropped.unpacked()?;
+            self.tables.keep(&name, &bytes)?;
         }
+        written.into_iter().for_each(|path| self.take_up(path, &mut about));
         Ok(about)
+    }
+
+    /// Looks at a table with a form beside it; where that is agreed, rig and recording are written, and the recording is opened.
+    ///
+    /// # Errors
+    /// As [`Tables::take`].
+    pub fn new_rig(self: &Arc<Self>, asked: &Asked) -> Result<Value, AnyError> {
+        let (mut about, written) = self.tables.take(asked, &self.place.tables(), &self.folder())?;
+        written.into_iter().for_each(|path| self.take_up(path, &mut about));
+        Ok(about)
+    }
+
+    /// Opens a recording that was written here, at once or when the job at work has ended.
+    fn take_up(self: &Arc<Self>, path: PathBuf, about: &mut Value) {
+        let run = self.place.add(path.clone());
+        about["run"] = json!(run.id.to_string());
+        let job = self.open(vec![run], false).ok();
+        about["job"] = json!(job);
+        let mut arrivals = self.arrivals();
+        if let Some((_, known)) = &mut arrivals.folder {
+            known.insert(path.clone());
+        }
+        if job.is_none() {
+            arrivals.waiting.push_back((path, false));
+        }
     }
 
     fn arrivals(&self) -> MutexGuard<'_, Arrivals> {

@@ -1,4 +1,4 @@
-//! Where the runs of a workbench lie: some recordings, a model file, or a folder.
+//! Where the runs of a workbench lie: some recordings, a model file, or a folder; and the tables in it that may become runs.
 
 use std::collections::HashMap;
 use std::error::Error;
@@ -56,12 +56,26 @@ pub struct Place {
     folder: Option<PathBuf>,
     model_file: Option<PathBuf>,
     rig: Option<Rig>,
+    table: Option<PathBuf>,
     listed: Mutex<Listed>,
     told: Mutex<Told>,
 }
 
-/// What was last told of a folder: when it and its index had been written to, and its runs.
-type Told = ([Option<SystemTime>; 2], Vec<Run>);
+/// What was last told of a folder: when it and its index had been written to, its runs and its tables.
+type Told = ([Option<SystemTime>; 2], Vec<Run>, Vec<PathBuf>);
+
+/// How files of loggers end that become recordings.
+const TABLES: [&str; 12] = ["csv", "txt", "tsv", "dat", "lvm", "tdms", "xlsx", "xls", "ods", "mat", "h5", "hdf5"];
+
+fn is_table(path: &Path) -> bool {
+    path.extension().is_some_and(|own| TABLES.iter().any(|ending| own.eq_ignore_ascii_case(ending)))
+}
+
+/// The folder that a file lies in.
+fn folder_of(file: &Path) -> PathBuf {
+    let folder = file.parent().unwrap_or(Path::new(""));
+    if folder.as_os_str().is_empty() { PathBuf::from(".") } else { folder.to_owned() }
+}
 
 #[derive(Default)]
 struct Listed {
@@ -78,7 +92,7 @@ impl Listed {
 }
 
 impl Place {
-    /// What paths name: recordings of one rig, one model file, or one folder.
+    /// What paths name: recordings of one rig, one model file, one rig file, one table of a logger, or one folder.
     ///
     /// # Errors
     /// None of these, a mixture of them, a file or folder that cannot be read.
@@ -90,18 +104,21 @@ impl Place {
                 place.look()?;
                 Ok(place)
             }
+            [file] if is_table(file) && file.is_file() => {
+                Ok(Place { folder: Some(folder_of(file)), table: Some(file.clone()), ..Place::default() })
+            }
             [file] if is_model(file) => {
-                let folder = file.parent().unwrap_or(Path::new(""));
                 if let Ok(rig) = Rig::load(file) {
-                    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
-                    return Ok(Place { folder: Some(folder.to_owned()), rig: Some(rig), ..Place::default() });
+                    return Ok(Place { folder: Some(folder_of(file)), rig: Some(rig), ..Place::default() });
                 }
+                let folder = file.parent().unwrap_or(Path::new(""));
                 let recordings = models::load(file)?.recordings.into_iter().map(|path| folder.join(path));
                 Ok(Place { model_file: Some(file.clone()), ..Place::default() }.with(recordings))
             }
-            _ => match paths.iter().find(|path| path.is_dir() || is_model(path)) {
+            _ => match paths.iter().find(|path| path.is_dir() || is_model(path) || (paths.len() > 1 && is_table(path)))
+            {
                 Some(odd) => Err(format!(
-                    "{}: open recordings, or one folder, or one model file, but not a mixture of them",
+                    "{}: open recordings, or one folder, or one model file, or one table, but not a mixture of them",
                     odd.shown().into_owned()
                 )
                 .into()),
@@ -138,6 +155,22 @@ impl Place {
         self.rig.as_ref()
     }
 
+    /// The table that was named.
+    pub fn table(&self) -> Option<&Path> {
+        self.table.as_deref()
+    }
+
+    /// The tables in the folder, by name.
+    pub fn tables(&self) -> Vec<PathBuf> {
+        let entries = self.folder.iter().filter_map(|folder| std::fs::read_dir(folder).ok()).flatten().flatten();
+        let is_hidden = |path: &Path| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
+        let paths = entries.map(|entry| entry.path());
+        let mut found: Vec<PathBuf> =
+            paths.filter(|path| is_table(path) && !is_hidden(path) && path.is_file()).collect();
+        found.sort();
+        found
+    }
+
     /// The run of a recording, which is listed from now on.
     pub fn add(&self, path: PathBuf) -> Run {
         let mut listed = self.lock();
@@ -149,9 +182,9 @@ impl Place {
         run
     }
 
-    /// The runs that are opened first: all that were named, or the newest of a folder; none beside a rig file.
+    /// The runs that are opened first: all that were named, or the newest of a folder; none beside a rig file or a table.
     pub fn first(&self) -> Vec<Run> {
-        let runs = if self.rig.is_some() { Vec::new() } else { self.runs() };
+        let runs = if self.rig.is_some() || self.table.is_some() { Vec::new() } else { self.runs() };
         if self.folder.is_none() {
             return runs;
         }
@@ -166,7 +199,7 @@ impl Place {
         self.lock().runs.clone()
     }
 
-    /// Whether a folder's runs, or what its index knows of them, have changed since this was last asked.
+    /// Whether a folder's runs or tables, or what its index knows of them, have changed since this was last asked.
     pub fn has_changed(&self) -> bool {
         let Some(folder) = &self.folder else { return false };
         let written = |path: &Path| std::fs::metadata(path).and_then(|about| about.modified()).ok();
@@ -175,9 +208,9 @@ impl Place {
         if told.0 == now {
             return false;
         }
-        let runs = self.runs();
-        let changed = runs != told.1;
-        *told = (now, runs);
+        let (runs, tables) = (self.runs(), self.tables());
+        let changed = runs != told.1 || tables != told.2;
+        *told = (now, runs, tables);
         changed
     }
 

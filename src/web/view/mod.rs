@@ -8,3 +8,4 @@ pub mod runs;
 pub mod simulated_test;
 pub mod state;
 pub mod take_away;
+pub mod words;

@@ -11,6 +11,7 @@ use crate::rig::check::return_time_s;
 use crate::rig::{Rig, SensorKind, Upstream};
 use crate::study::open::Loaded;
 use crate::web::session::bench::Bench;
+use crate::web::session::new_rig::name_of;
 use crate::web::session::place::Run;
 use crate::web::session::{Session, glances};
 use crate::web::view::model;
@@ -26,6 +27,8 @@ pub fn json(session: &Session) -> Value {
         "version": env!("CARGO_PKG_VERSION"),
         "place": session.place().words(),
         "folder": session.place().folder().is_some(),
+        "table": session.place().table().map(name_of),
+        "tables": session.place().tables().iter().map(|path| name_of(path)).collect::<Vec<_>>(),
         "runs": session.place().runs().iter().map(|run| of_run(session, run)).collect::<Vec<_>>(),
         "open": bench.map(open),
         "model": bench.and_then(model::json),

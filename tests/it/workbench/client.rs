@@ -18,6 +18,20 @@ pub fn done_in(folder: &Path, arguments: &[&str]) -> Value {
     document(surgescope(arguments).arg("--json").current_dir(folder).output().unwrap())
 }
 
+/// Bytes as base64.
+pub fn base64(bytes: &[u8]) -> String {
+    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut text = String::new();
+    for three in bytes.chunks(3) {
+        let number = three.iter().enumerate().fold(0u32, |sum, (i, b)| sum | u32::from(*b) << (16 - 8 * i));
+        for i in 0..4 {
+            let digit = char::from(DIGITS[(number >> (18 - 6 * i) & 63) as usize]);
+            text.push(if i <= three.len() { digit } else { '=' });
+        }
+    }
+    text
+}
+
 /// A running `surgescope open`.
 pub struct Workbench {
     pub process: Child,

@@ -2,6 +2,7 @@
 
 pub mod client;
 mod loop_by_hand;
+mod new_rig;
 mod record;
 mod runs;
 mod security;

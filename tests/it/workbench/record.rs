@@ -3,21 +3,7 @@
 use serde_json::json;
 
 use crate::common::{CREEP, LEAK, here};
-use crate::workbench::client::{Workbench, done_in};
-
-/// `text` as base64.
-fn base64(bytes: &[u8]) -> String {
-    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut text = String::new();
-    for three in bytes.chunks(3) {
-        let number = three.iter().enumerate().fold(0u32, |sum, (i, b)| sum | u32::from(*b) << (16 - 8 * i));
-        for i in 0..4 {
-            let digit = char::from(DIGITS[(number >> (18 - 6 * i) & 63) as usize]);
-            text.push(if i <= three.len() { digit } else { '=' });
-        }
-    }
-    text
-}
+use crate::workbench::client::{Workbench, base64, done_in};
 
 #[test]
 fn a_messy_table_is_looked_at_then_imported_and_opened() {

@@ -7,25 +7,28 @@ use std::path::{Path, PathBuf};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde_json::{Value, json};
 
-use crate::cli::args::import_options::{ForeignArgs, flow};
+use crate::cli::args::import_options::ForeignArgs;
 use crate::cli::args::values::{not_negative, pair};
 use crate::cli::commands::rig::check;
 use crate::cli::console::ask::{BACK, Dialogue};
-use crate::cli::console::numbers::measure;
 use crate::cli::console::outcome::{AnyError, CommandResult, Outcome};
 use crate::cli::console::print::{say, say_text, tell};
-use crate::draft::{contradictions, place, sensors_of, without_pressure};
+use crate::draft::answers::{
+    Amiss, Answers, CLOSING_TIME, Drafted, INNER_DIAMETER, LENGTH, Measured, PLACE, RATE, SUPPLIES, TEMPERATURE, WALL,
+    flow, known_materials, material, supply,
+};
+use crate::draft::{Said, contradictions, has_flow, without_pressure};
 use crate::report::advice::quoted;
 use crate::report::rig_drawing;
 use crate::rig::check::{Finding, Level, check as check_rig};
 use crate::rig::draft::{Draft, DraftSensor, Told};
-use crate::rig::material::{MATERIALS, Material};
+use crate::rig::material::Material;
 use crate::rig::sizes::{EXAMPLES, PipeSize, pipe_size};
 use crate::rig::{Rig, Sensor, SensorKind, quantity_of, spelled_unit};
 use crate::shown::Shown as _;
 use crate::storage::import::{Line, SourceFile, SourceOptions, check_names, read_source};
-use crate::storage::nearest::nearest;
 use crate::storage::output;
+use crate::units::written::measure;
 use crate::units::{Quantity, Unit};
 
 /// Write a rig file: asks what is not given, and takes the sensors from a file of the test.
@@ -91,20 +94,11 @@ fn sensor_at(text: &str) -> Result<(String, f64), String> {
     Ok((name, measure(&place, "m")?))
 }
 
-/// What feeds a pipe, in the words of a rig file.
-fn supply(text: &str) -> Result<String, String> {
-    let word = text.to_lowercase();
-    let known = if word == "tank" { "reservoir" } else { word.as_str() };
-    SUPPLIES.contains(&known).then(|| known.to_owned()).ok_or("write reservoir or pump".to_owned())
-}
-
 /// The supplies as options take them, by which shells complete them.
 fn supplies() -> impl TypedValueParser<Value = String> {
     let known = SUPPLIES.map(|word| PossibleValue::new(word).aliases((word == SUPPLIES[0]).then_some("tank")));
     PossibleValuesParser::new(known).try_map(|word| supply(&word))
 }
-
-const SUPPLIES: [&str; 2] = ["reservoir", "pump"];
 
 /// Runs it.
 ///
@@ -130,14 +124,15 @@ pub fn run(mut args: Args, json: bool) -> CommandResult {
             "Enter takes what stands in brackets, {BACK} goes back to the question before. Ctrl-C leaves; nothing is written before the last answer."
         );
     }
-    let Drafted { draft, left_out, foreign, read } = ask.dialogue.ask(|| drafted(&args, read.as_ref(), &ask))?;
+    let Answered { drafted: Drafted { draft, left_out }, foreign, read } =
+        ask.dialogue.ask(|| answered(&args, read.as_ref(), &ask))?;
     args.foreign = foreign;
     let source = guessing(&args.foreign);
     let text = draft.text();
     let rig = Rig::from_toml(&text, &args.output.shown())?;
     output::write(&args.output, &text)?;
     let mut findings = check_rig(&rig);
-    let doubts = read.as_deref().map_or(Ok(Vec::new()), |read| contradictions(&rig, read, &source));
+    let doubts = read.as_deref().map_or(Ok(Vec::new()), |read| contradictions(&rig, read, &source, &mut Vec::new()));
     let doubts = doubts.unwrap_or_else(|error| vec![format!("no closure can be seen in the file: {error}")]);
     let assumed = draft.assumed();
     for line in &assumed {
@@ -176,59 +171,64 @@ fn guessing(foreign: &ForeignArgs) -> SourceOptions {
     SourceOptions { guess: true, ..foreign.clone().options() }
 }
 
-/// What the answers make.
-struct Drafted<'a> {
-    draft: Draft,
-    /// Columns that look like no sensor.
-    left_out: Vec<String>,
+/// What the questions ended with.
+struct Answered<'a> {
+    drafted: Drafted,
     /// How the file is read, with what was answered.
     foreign: ForeignArgs,
     read: Option<Cow<'a, SourceFile>>,
 }
 
 /// All questions. Where there is a file that was not `read`, it lacks the rate of its samples.
-fn drafted<'a>(args: &Args, read: Option<&'a SourceFile>, ask: &Ask) -> Result<Drafted<'a>, AnyError> {
+fn answered<'a>(args: &Args, read: Option<&'a SourceFile>, ask: &Ask) -> Result<Answered<'a>, AnyError> {
     let mut foreign = args.foreign.clone();
     let mut read = read.map(Cow::Borrowed);
     if let (Some(file), None) = (&args.file, &read) {
-        foreign.rate = Some(ask.dialogue.number("no column holds times; samples per second", "Hz", [1e-3, 1e7])?);
+        foreign.rate = Some(ask.dialogue.number(&format!("no column holds times; {}", RATE.words), &RATE)?);
         let counted = read_source(file, &guessing(&foreign))?;
         check_names(&counted, file, None, &guessing(&foreign))?;
         read = Some(Cow::Owned(counted));
     }
-    let shown = read.as_deref();
-    if let (Some(file), Some(read)) = (&args.file, shown)
-        && let Some(columns) = without_pressure(read, &guessing(&foreign), args.unit, &args.sensor)
+    let mut answers = given(args, &foreign);
+    let refused = |amiss: Amiss| match (&args.file, &amiss) {
+        (Some(file), Amiss::NoPressure { .. }) => format!("{}: {amiss}", file.shown()),
+        _ => amiss.to_string(),
+    };
+    if let Some(read) = &read
+        && let Some(columns) = without_pressure(read, &answers.columns)
     {
         foreign.scale.extend(ask.transducers(&columns)?);
-        if without_pressure(read, &guessing(&foreign), args.unit, &args.sensor).is_some() {
-            return Err(no_pressure(file, &columns).into());
+        answers.columns.source = guessing(&foreign);
+        if without_pressure(read, &answers.columns).is_some() {
+            return Err(refused(Amiss::NoPressure { columns }).into());
         }
     }
-    let mut draft = pipe(args, ask)?;
-    let mut left_out = Vec::new();
-    if let Some(read) = shown {
-        let sensors = |foreign: &ForeignArgs| sensors_of(read, &draft, &guessing(foreign), args.unit, &args.sensor);
-        let mut found = sensors(&foreign);
-        if foreign.flow.is_none() && !found.0.iter().any(|s| s.kind == SensorKind::Flow) {
-            foreign.flow = ask.flow()?;
-            found = sensors(&foreign);
-        }
-        (draft.sensors, left_out) = found;
-        place(&mut draft, read, &guessing(&foreign));
+    ask.pipe(&mut answers, args.pipe.as_deref())?;
+    if let Some(read) = &read
+        && !has_flow(read, &answers.columns)
+    {
+        foreign.flow = ask.flow()?;
+        answers.columns.source = guessing(&foreign);
     }
-    confirmed(&mut draft, args, ask)?;
-    Ok(Drafted { draft, left_out, foreign, read })
+    let mut drafted = answers.drafted(read.as_deref()).map_err(refused)?;
+    confirmed(&mut drafted.draft, args, ask)?;
+    Ok(Answered { drafted, foreign, read })
 }
 
-fn no_pressure(file: &Path, columns: &[String]) -> String {
-    format!(
-        "{}: no column looks like a pressure; the columns are {}. Give the place of the one that is, as in --sensor '{first}=12.5'; of a column of \
-         volts or milliamperes give the ranges, too, as in --scale '{first}=1..5 -> 0..10 bar' (or its line, '{first}=2.5*x-2.5 bar')",
-        file.shown(),
-        columns.join(", "),
-        first = columns.first().map_or("NAME", String::as_str)
-    )
+/// What the options answer.
+fn given(args: &Args, foreign: &ForeignArgs) -> Answers {
+    Answers {
+        name: args.name.clone().unwrap_or_else(|| stem(&args.output)),
+        material: args.material,
+        length_m: args.length_m,
+        inner_diameter_mm: args.inner_diameter_mm,
+        wall_thickness_mm: args.wall_thickness_mm,
+        temperature_degc: args.temperature_degc,
+        supply: args.supply.clone(),
+        closing_time_s: args.closing_time_s,
+        discharge_head_m: args.discharge_head_m,
+        columns: Said { source: guessing(foreign), unit: args.unit, places: args.sensor.clone(), kinds: Vec::new() },
+    }
 }
 
 /// What to give where nothing states the unit of a sensor.
@@ -269,86 +269,14 @@ fn sensors_in_words(rig: &Rig) -> String {
     rig.sensors.iter().map(|s| s.name.as_str()).collect::<Vec<_>>().join(", ")
 }
 
-/// Pipe, ends and water, without sensors.
-fn pipe(args: &Args, ask: &Ask) -> Result<Draft, AnyError> {
-    let material = match args.material {
-        Some(material) => material,
-        None => ask.material()?,
-    };
-    let length_m = ask.number("length from the supply to the valve", "m", "--length-m", args.length_m, [0.1, 1e6])?;
-    let (inner_diameter_mm, wall_thickness_mm) = match (args.inner_diameter_mm, args.wall_thickness_mm) {
-        (Some(inner), Some(wall)) => (inner, wall),
-        (inner, wall) => {
-            let size = match (&args.pipe, inner.is_some() || wall.is_some()) {
-                (Some(size), _) => Some(pipe_size(size)?),
-                (None, true) => None,
-                (None, false) => ask.size()?,
-            };
-            match size {
-                Some(size) => {
-                    let (inner, wall) = (1e3 * size.inner_diameter_m, 1e3 * size.wall_thickness_m);
-                    // Sizes go by the outer diameter; who gave the inner one sees it here.
-                    if ask.dialogue.is_new() {
-                        tell!("pipe: {:.1} mm outside, {inner:.1} mm inside, wall {wall:.2} mm", inner + 2.0 * wall);
-                    }
-                    (inner, wall)
-                }
-                None => {
-                    let inner =
-                        ask.number("inner diameter", "mm", "--inner-diameter-mm (or --pipe)", inner, [1.0, 1e4])?;
-                    let option = "--wall-thickness-mm (or --pipe)";
-                    (inner, ask.number("thickness of the wall", "mm", option, wall, [0.01, inner])?)
-                }
-            }
-        }
-    };
-    let or = |given: Option<f64>, usual| given.map_or_else(|| Told::assumed(usual, "not given"), Told::given);
-    Ok(Draft {
-        name: args.name.clone().unwrap_or_else(|| stem(&args.output)),
-        temperature_degc: or(args.temperature_degc, 20.0),
-        material: material.name.to_owned(),
-        length_m,
-        inner_diameter_mm,
-        wall_thickness_mm,
-        supply: match &args.supply {
-            Some(supply) => Told::given(supply.clone()),
-            None => ask.supply()?,
-        },
-        closing_time_s: or(args.closing_time_s, 0.1),
-        discharge_head_m: args.discharge_head_m.unwrap_or(0.0),
-        sensors: Vec::new(),
-    })
-}
-
-/// The places that the user gives, and those that he confirms, with temperature and closing time.
+/// What the user confirms of what was assumed.
 fn confirmed(draft: &mut Draft, args: &Args, ask: &Ask) -> Result<(), AnyError> {
-    let length_m = draft.length_m;
-    for (name, place_m) in &args.sensor {
-        match draft.sensors.iter_mut().find(|s| s.name == *name) {
-            Some(sensor) => sensor.position_m = Told::given(*place_m),
-            None if args.file.is_none() => draft.sensors.push(DraftSensor {
-                name: name.clone(),
-                kind: SensorKind::Pressure,
-                unit: Told::given(args.unit.unwrap_or(Unit::BAR)),
-                position_m: Told::given(*place_m),
-            }),
-            None => {
-                let known: Vec<&str> = draft.sensors.iter().map(|s| s.name.as_str()).collect();
-                return Err(format!("--sensor {name}: the file has no such column; it has {}", known.join(", ")).into());
-            }
-        }
-    }
-    if draft.sensors.is_empty() {
-        let position_m = Told::assumed(length_m, "no file and no --sensor: one pressure sensor at the valve");
-        let (name, unit) = ("P1".to_owned(), Told::given(args.unit.unwrap_or(Unit::BAR)));
-        draft.sensors.push(DraftSensor { name, kind: SensorKind::Pressure, unit, position_m });
-    }
+    let place = PLACE.up_to(draft.length_m);
     ask.units(&mut draft.sensors)?;
-    ask.confirm("temperature of the water", "°C", &mut draft.temperature_degc, [0.0, 100.0])?;
-    ask.confirm("closing time of the valve", "s", &mut draft.closing_time_s, [1e-4, 1e4])?;
+    ask.confirm(TEMPERATURE.words, &TEMPERATURE, &mut draft.temperature_degc)?;
+    ask.confirm(CLOSING_TIME.words, &CLOSING_TIME, &mut draft.closing_time_s)?;
     for sensor in draft.sensors.iter_mut().filter(|s| s.kind == SensorKind::Pressure) {
-        let question = format!("{}: distance from the supply", sensor.name);
-        ask.confirm(&question, "m", &mut sensor.position_m, [0.0, length_m])?;
+        ask.confirm(&format!("{}: {}", sensor.name, place.words), &place, &mut sensor.position_m)?;
     }
     ask.agree(&args.output)
 }
@@ -361,29 +289,53 @@ struct Ask {
 
 impl Ask {
     /// A number that has no default.
-    fn number(
-        &self,
-        question: &str,
-        unit: &str,
-        option: &str,
-        given: Option<f64>,
-        range: [f64; 2],
-    ) -> Result<f64, AnyError> {
+    fn number(&self, asked: &Measured, option: &str, given: Option<f64>) -> Result<f64, AnyError> {
         match given {
             Some(value) => Ok(value),
-            None if self.asks => self.dialogue.number(question, unit, range),
-            None => Err(format!("{question}, {unit}: give it with {option}").into()),
+            None if self.asks => self.dialogue.number(asked.words, asked),
+            None => Err(format!("{}, {}: give it with {option}", asked.words, asked.unit).into()),
         }
     }
 
+    /// Pipe and ends, where the options do not say them.
+    fn pipe(&self, answers: &mut Answers, size: Option<&str>) -> Result<(), AnyError> {
+        if answers.material.is_none() {
+            answers.material = Some(self.material()?);
+        }
+        answers.length_m = Some(self.number(&LENGTH, "--length-m", answers.length_m)?);
+        let (inner, wall) = (answers.inner_diameter_mm, answers.wall_thickness_mm);
+        let size = match size {
+            Some(size) => Some(pipe_size(size)?),
+            None if inner.is_some() || wall.is_some() => None,
+            None => self.size()?,
+        };
+        let (inner, wall) = match size {
+            Some(size) => {
+                let (inner, wall) = (1e3 * size.inner_diameter_m, 1e3 * size.wall_thickness_m);
+                // Sizes go by the outer diameter; who gave the inner one sees it here.
+                if self.dialogue.is_new() {
+                    tell!("pipe: {:.1} mm outside, {inner:.1} mm inside, wall {wall:.2} mm", inner + 2.0 * wall);
+                }
+                (inner, wall)
+            }
+            None => {
+                let inner = self.number(&INNER_DIAMETER, "--inner-diameter-mm (or --pipe)", inner)?;
+                (inner, self.number(&WALL.up_to(inner), "--wall-thickness-mm (or --pipe)", wall)?)
+            }
+        };
+        (answers.inner_diameter_mm, answers.wall_thickness_mm) = (Some(inner), Some(wall));
+        if answers.supply.is_none() {
+            answers.supply = self.supply()?;
+        }
+        Ok(())
+    }
+
     /// Shows what was assumed and why, and takes what the user makes of it.
-    fn confirm(&self, question: &str, unit: &str, told: &mut Told<f64>, range: [f64; 2]) -> Result<(), AnyError> {
+    fn confirm(&self, question: &str, asked: &Measured, told: &mut Told<f64>) -> Result<(), AnyError> {
         if self.asks && !told.why.is_empty() {
             let usual = (1e6 * told.value).round() / 1e6;
             // Enter leaves it an assumption.
-            if let Some(value) =
-                self.dialogue.other_number(&format!("{question} ({})", told.why), unit, usual, range)?
-            {
+            if let Some(value) = self.dialogue.other_number(&format!("{question} ({})", told.why), asked, usual)? {
                 *told = Told::given(value);
             }
         }
@@ -475,22 +427,12 @@ impl Ask {
         self.dialogue.line("material of the wall", None, material)
     }
 
-    fn supply(&self) -> Result<Told<String>, AnyError> {
+    fn supply(&self) -> Result<Option<String>, AnyError> {
         if !self.asks {
-            return Ok(Told::assumed(SUPPLIES[0].to_owned(), "not given"));
+            return Ok(None);
         }
-        self.dialogue.line("what feeds the pipe (reservoir or pump)", Some(SUPPLIES[0]), supply).map(Told::given)
+        self.dialogue.line("what feeds the pipe (reservoir or pump)", Some(SUPPLIES[0]), supply).map(Some)
     }
-}
-
-fn material(text: &str) -> Result<&'static Material, String> {
-    let near =
-        || nearest(text, MATERIALS.iter().map(|m| m.name)).map_or(String::new(), |n| format!(" (did you mean {n}?)"));
-    Material::by_name(text).ok_or_else(|| format!("'{text}' is not a known material{}; {}", near(), known_materials()))
-}
-
-fn known_materials() -> String {
-    format!("known are {}", MATERIALS.iter().map(|m| m.name).collect::<Vec<_>>().join(", "))
 }
 
 fn pressure_unit(text: &str) -> Result<Unit, String> {

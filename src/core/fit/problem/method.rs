@@ -43,12 +43,12 @@ impl Method {
     pub fn advice(self) -> &'static str {
         match self {
             Method::LeastSquares => {
-                "use option `method` stepwise, a smaller model, or other starts (option `start`, option `starts`)"
+                "use option `method stepwise`, a smaller model, or other starts (option `start`, option `starts`)"
             }
             Method::GlobalLocal => "raise option `budget`, or use another option `seed`",
-            Method::Global | Method::MicroGa => "raise option `budget`, or use option `method` global-local",
+            Method::Global | Method::MicroGa => "raise option `budget`, or use option `method global-local`",
             Method::Stepwise => {
-                "continue it (option `save` MODEL.toml, then option `from` MODEL.toml), or use option `method` least-squares"
+                "continue it (option `save MODEL.toml`, then option `from MODEL.toml`), or use option `method least-squares`"
             }
         }
     }

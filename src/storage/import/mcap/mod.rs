@@ -78,7 +78,7 @@ const YEAR_NS: i64 = 31_536_000_000_000_000;
 
 /// The message about times of 2^63 ns and more.
 const BEYOND: &str = "have times beyond what a recording holds (2^63 ns, which is the year 2262 where they count from 1970): check the clock of the logger, or \
-     use another time with option `message_time` publish or option `time_field`";
+     use another time with option `message_time publish` or option `time_field`";
 
 struct Reading<'o> {
     options: &'o SourceOptions,
@@ -228,7 +228,7 @@ impl<'o> Reading<'o> {
         if unset > 0 {
             let text = format!(
                 "{} of the first year since 1970, where the others are later: the clock was not set; left out (or use another time with \
-                 option `message_time` publish or option `time_field`)",
+                 option `message_time publish` or option `time_field`)",
                 counted(unset, "value is", "values are")
             );
             repairs.push(Repair { lost: true, ..Repair::new("unset-time", unset, None, text) });
@@ -257,7 +257,7 @@ impl<'o> Reading<'o> {
             if is_no_order(displaced, found.time_ns.len()) {
                 return Err(format!(
                     "{displaced} of {} messages of {name} have times before those that came earlier: was the clock set back? Use another time with \
-                     option `message_time` publish or option `time_field`",
+                     option `message_time publish` or option `time_field`",
                     found.time_ns.len()
                 ));
             }
@@ -269,7 +269,7 @@ impl<'o> Reading<'o> {
             if repeated > 0 {
                 let text = counted(repeated, "message repeats", "messages repeat")
                     + &format!(
-                        " the time of another, of {name}: left out; try option `time_field` or option `message_time` publish"
+                        " the time of another, of {name}: left out; try option `time_field` or option `message_time publish`"
                     );
                 repairs.push(Repair { lost: true, ..Repair::new("duplicate-times", repeated, None, text) });
             }
@@ -296,7 +296,7 @@ impl<'o> Reading<'o> {
             let of =
                 wanted.iter().find(nothing_left).map_or_else(String::new, |name| format!(", all of {name} among them"));
             return Err(format!(
-                "{} of the first year since 1970{of}, {set} are later: the clock was set in between; use another time with option `message_time` publish or \
+                "{} of the first year since 1970{of}, {set} are later: the clock was set in between; use another time with option `message_time publish` or \
                  option `time_field`",
                 counted(unset, "value is", "values are")
             ));
@@ -322,7 +322,7 @@ impl<'o> Reading<'o> {
             if self.order.len() > MOST { format!("\n  and {} more", self.order.len() - MOST) } else { String::new() };
         let unreadable: String = self.unreadable.iter().map(|u| format!("\n  {u}")).collect();
         format!(
-            "assign numbers to sensors, as in option `map` '{}=P1'. It has{}{more}{unreadable}",
+            "assign numbers to sensors, as in option `map '{}=P1'`. It has{}{more}{unreadable}",
             self.order.first().map_or("", String::as_str),
             fields.concat()
         )

@@ -3,7 +3,7 @@
 /// A finite number; a single comma is a decimal one, unless it may as well group thousands.
 ///
 /// # Errors
-/// In words, for clap to put behind the option's name; likewise below.
+/// In words, to stand behind the name of what was asked for; likewise below.
 pub fn number(text: &str) -> Result<f64, String> {
     let plain = match text.trim().split_once(',') {
         Some((whole, digits)) if digits.len() == 3 && !matches!(whole, "" | "0" | "-0") => {
