@@ -4,19 +4,50 @@ use crate::recording::Recording;
 use crate::rig::SensorKind;
 use crate::signal::features::{Closure, Estimate};
 use crate::signal::levels::{finite, of_kind};
+use crate::signal::station::Station;
+use crate::signal::trace::mean;
 
 /// Start and end of the closure: the start from the trigger if there is one, else from the bend of the pressure; the
-/// end from the valve position if it is recorded.
-pub(crate) fn closure(recording: &Recording, onset: Estimate, end_of_rise_s: Option<f64>) -> Closure {
+/// end from the valve position if it is recorded, else as the pressure shows it.
+pub(crate) fn closure(recording: &Recording, onset: Estimate, slow: bool, seen_end_s: Option<f64>) -> Closure {
     let trigger = trigger_start(recording, onset.value);
     let start = trigger.unwrap_or(onset);
     Closure {
         start_s: start.value,
         start_se_s: start.standard_error,
-        end_s: position_end_s(recording).filter(|end| *end > start.value).or(end_of_rise_s),
+        end_s: position_end_s(recording).filter(|end| *end > start.value).or(seen_end_s.filter(|end| *end > start.value)),
+        slow,
         from_trigger: trigger.is_some(),
         pressure_onset_s: onset.value,
     }
+}
+
+/// Share of the amplitude by which the head may leave its mirror image. Chosen.
+const MIRRORED: f64 = 0.5;
+
+/// Where a slow closure ends: once the valve is shut, the head at it is its own mirror image half a period later (no flow, and the supply turns the
+/// wave round); until then both add up to the flow that the valve stops in between, `a ΔV/g`. At the end of the closure this falls evenly from twice
+/// the amplitude to nothing. In grid points of the station's coarse trace.
+pub(crate) fn shut(station: &Station) -> Option<f64> {
+    let (front, repeats, trace) = (station.front.as_ref().ok()?, station.repeats?, &station.coarse);
+    let period = repeats.period * station.trace.step_s / trace.step_s;
+    let (half, whole) = ((0.5 * period).round() as usize, period.round() as usize);
+    let growth = (0.5 * repeats.decrement).exp();
+    let is_mirrored = |t: usize| {
+        let next = trace.head_m.get(t + half..t + half + whole)?;
+        let (low, high) = next.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
+        let middle = mean(next);
+        let sum = (trace.head_m[t] - middle) + growth * (next[0] - middle);
+        Some(sum.abs() < MIRRORED * 0.5 * (high - low))
+    };
+    let mut since = None;
+    for t in front.onset as usize.. {
+        since = is_mirrored(t)?.then(|| since.unwrap_or(t));
+        if let Some(since) = since.filter(|since| t - since >= half) {
+            return Some(since as f64 + 0.5 * MIRRORED * half as f64);
+        }
+    }
+    None
 }
 
 /// The change of the trigger nearest to the pressure's bend, halfway between its samples.
