@@ -1,6 +1,6 @@
 """Fit simulated closures from a tenth of the wave's return time, 2L/a, to 25 times it, and print the results as a Markdown table.
 
-closures.py PROGRAM RIG… [--seeds N] [--times A,B,…] [--details]
+closures.py PROGRAM RIG… [--seeds N] [--times A,B,…] [--periods N] [--set NAME=VALUE…] [--noise-m M] [--details]
 
 Each closure is recorded twice: on a rig file that states the closing time, and on one that states its own, whatever the valve does. A fit is down to
 the noise where it leaves no more than 1.1 times the noise that the simulation added. --details prints a line a fit."""
@@ -14,8 +14,6 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 DOWN_TO_THE_NOISE = 1.1
-PERIODS_AFTER = 10
-VELOCITY_M_S = 1.0
 TIMES = "0.1,0.3,0.7,1,1.5,2.5,4,6,10,16,25"
 
 
@@ -26,20 +24,20 @@ def said(*command):
     return run.stdout
 
 
-def fitted(program, rig_text, name, share, stated, seed, work):
+def fitted(args, rig_text, name, share, stated, seed, work):
     """One closure that takes `share` of 2L/a: what `inspect` and `calibrate` make of its record."""
     at = Path(tempfile.mkdtemp(dir=work))
     rig, record = at / f"{name}.toml", at / "run.mcap"
     rig.write_text(rig_text)
     length_m = sum(pipe["length_m"] for pipe in tomllib.loads(rig_text)["pipe"])
-    flow = f"initial_velocity_m_s={VELOCITY_M_S}"
-    settings = json.loads(said(program, "simulate", "--rig", rig, "--set", flow, "--json", "-o", at / "any.mcap"))["settings"]
+    program = args.program
+    settings = json.loads(said(program, "simulate", "--rig", rig, "--set", *args.set, "--json", "-o", at / "any.mcap"))["settings"]
     return_s = 2 * length_m / settings["wave_speed_m_s"]
     closing_s = share * return_s
     if stated:
         rig.write_text(re.sub(r"(?m)^closing_time_s = \S+", f"closing_time_s = {closing_s:.6f}", rig_text))
-    said(program, "simulate", "--rig", rig, "--set", flow, f"closing_time_s={closing_s}", "--seed", seed,
-         "--duration", closing_s + PERIODS_AFTER * 2 * return_s, "-o", record)
+    said(program, "simulate", "--rig", rig, "--set", *args.set, f"closing_time_s={closing_s}", "--seed", seed,
+         "--duration", closing_s + args.periods * 2 * return_s, *(["--noise-m", args.noise_m] if args.noise_m else []), "-o", record)
     row = {"rig": name, "share": share, "stated": stated, "seed": seed, "true_m_s": settings["wave_speed_m_s"]}
     try:
         shown = json.loads(said(program, "inspect", record, "--json"))
@@ -62,20 +60,24 @@ def main():
     parser.add_argument("rigs", nargs="+", type=Path)
     parser.add_argument("--seeds", type=int, default=2)
     parser.add_argument("--times", default=TIMES)
+    parser.add_argument("--periods", type=float, default=10, help="recorded after the end of the closure")
+    parser.add_argument("--set", nargs="+", default=["initial_velocity_m_s=1"])
+    parser.add_argument("--noise-m", type=float)
     parser.add_argument("--details", action="store_true")
     args = parser.parse_args()
     times = [float(t) for t in args.times.split(",")]
     cases = [(rig, time, stated, seed) for rig in args.rigs for time in times for stated in (True, False)
              for seed in range(1, args.seeds + 1)]
     with tempfile.TemporaryDirectory() as work, ThreadPoolExecutor(2) as pool:
-        rows = list(pool.map(lambda c: fitted(args.program, c[0].read_text(), c[0].stem, *c[1:], work), cases))
+        rows = list(pool.map(lambda c: fitted(args, c[0].read_text(), c[0].stem, *c[1:], work), cases))
     if args.details:
         for row in rows:
             shown = row.get("shown", {})
             speeds = " ".join(f"{k} {v / row['true_m_s']:.3f}" for k, v in shown.items() if v)
             period = row["period_s"] / (2 * row["return_s"]) if row.get("period_s") else float("nan")
+            faults = [fault["fault"] for fault in row.get("faults", [])]
             print(f"{row['rig']:16} {row['share']:5} {'stated' if row['stated'] else 'own':6} {row['seed']} left {row['left']:7.2f} began "
-                  f"{row['before']:7.2f} slow {row.get('slow')} period {period:.3f} {speeds} {row.get("error", "")} {[f["fault"] for f in row.get("faults", [])] or ""}", flush=True)
+                  f"{row['before']:7.2f} slow {row.get('slow')} period {period:.3f} {speeds} {row.get('error', '')} {faults or ''}", flush=True)
         print()
     print("| rig | " + " | ".join(f"{t:g}" for t in times) + " |")
     print("| --- |" + " --- |" * len(times))

@@ -179,9 +179,10 @@ fn fall(head: &[f64], from: usize, base_m: f64) -> Option<(usize, usize)> {
             return Some((top, i));
         }
     }
-    let period = repeats(&head[top..])?.period as usize;
-    let cycle = &head[top..(top + period).min(head.len())];
-    let trough_m = cycle.iter().copied().fold(f64::INFINITY, f64::min);
-    let fallen = cycle.iter().position(|&h| h < 0.5 * (head[top] + trough_m))?;
+    let period = repeats(&head[from..])?.period as usize;
+    let next = |i: usize| &head[i..(i + period).min(head.len())];
+    let top = (from..head.len()).find(|&i| next(i).iter().all(|&h| h <= head[i]))?;
+    let trough_m = next(top).iter().copied().fold(f64::INFINITY, f64::min);
+    let fallen = next(top).iter().position(|&h| h < 0.5 * (head[top] + trough_m))?;
     Some((top, top + fallen))
 }

@@ -50,14 +50,15 @@ pub(crate) fn inspect_stations(
         value: reference.coarse.time_s(bend) - from_valve_s,
         standard_error: (bend_error * step_s).hypot(speed_error * from_valve_s),
     };
-    let back = 2.0 * reference.place_m / speed / step_s;
-    let end = if slow { closure::shut(reference) } else { Some(front.knee(&reference.coarse, back)) };
-    let end_s = end.map(|at| reference.coarse.time_s(at) - from_valve_s);
+    let back = if slow { f64::INFINITY } else { 2.0 * reference.place_m / speed / step_s };
+    let shut = slow.then(|| closure::shut(reference)).flatten();
+    let end = shut.unwrap_or_else(|| front.knee(&reference.coarse, back));
+    let end_s = Some(reference.coarse.time_s(end) - from_valve_s);
     let closure = closure::closure(recording, onset, slow, end_s);
 
     let guess_s = guess_s.unwrap_or(4.0 * length_m / speed);
     // the rise of a slow closure is no half cycle: the oscillation begins when it ends
-    let free_s = end.filter(|_| slow).map_or(onset.value, |at| reference.coarse.time_s(at));
+    let free_s = shut.map_or(onset.value, |at| reference.coarse.time_s(at));
     let cycles = extrema::half_cycles(&reference.trace, free_s, guess_s, reference.noise.white_sd_m);
     let period = extrema::period(&cycles);
     let period_s = period.map_or(guess_s, |p| p.value);

@@ -52,7 +52,8 @@ impl Station {
         let seen = if loud { [8, 64].into_iter().map(found).find(|f| f.2.is_ok()).unwrap_or(whole) } else { whole };
         let samples = |points: f64| points * seen.0 as f64;
         let rise = seen.2.as_ref().map_or(0.0, |f| samples(f.rise));
-        let repeats = seen.2.as_ref().ok().and_then(|f| repeats(&trace.head_m[(samples(f.top) as usize).min(trace.len())..]));
+        let repeats =
+            seen.2.as_ref().ok().and_then(|f| repeats(&trace.head_m[(samples(f.top) as usize).min(trace.len())..]));
         let shortest = repeats.map_or(rise, |r| rise.min(r.period));
         let fitting = ((shortest / POINTS_A_FRONT) as usize).max(1);
         let (factor, coarse, front) =

@@ -2,8 +2,8 @@
 
 use crate::fit::data::run_data::{Meter, RunData, RunStart, SensorData};
 use crate::fit::data::thresholds::{
-    CLOSING_TIME_FACTOR, DEFAULT_FLOW_UNCERTAINTY, DEFAULT_OFFSET_SHARE, FEWEST_BEFORE, JOUKOWSKY_UNCERTAINTY,
-    SMOOTHING_EXCESS, VAPOUR_MARGIN_PA,
+    DEFAULT_FLOW_UNCERTAINTY, DEFAULT_OFFSET_SHARE, FEWEST_BEFORE, JOUKOWSKY_UNCERTAINTY, SMOOTHING_EXCESS,
+    VAPOUR_MARGIN_PA,
 };
 use crate::model::Conditions;
 use crate::model::effects::ATMOSPHERE_PA;
@@ -71,24 +71,17 @@ pub fn prepare(file: &str, rig: &Rig, recording: &Recording, features: &Features
             velocity_m_s,
             valve_head_m: valve_head(rig, features, &water, velocity_m_s.0, rise_m),
             wave_speed_ratio: measured_speed.map(|a| a / mean_speed),
-            closing_time_s: contradicted_closing_time(rig, features, 2.0 * rig.length_m() / speed),
+            closing_time_s: seen_closing_time(features),
         },
         meter: flow_meter(rig, features, velocity_m_s),
         extrema,
     }
 }
 
-/// The closing time that the first rise shows, where the rig file's is far from it; a rise that lasts until the supply's echo, after `echo_s`,
-/// takes at least that long.
-fn contradicted_closing_time(rig: &Rig, features: &Features, echo_s: f64) -> Option<f64> {
-    let (nominal_s, closure) = (rig.valve.closing_time_s, &features.closure);
-    match closure.end_s.map(|end_s| end_s - closure.pressure_onset_s) {
-        Some(seen_s) => {
-            let agree = (seen_s / CLOSING_TIME_FACTOR..=seen_s * CLOSING_TIME_FACTOR).contains(&nominal_s);
-            (seen_s > 0.0 && !agree).then_some(seen_s)
-        }
-        None => (nominal_s < echo_s / CLOSING_TIME_FACTOR).then_some(echo_s),
-    }
+/// The closing time that the pressures show.
+fn seen_closing_time(features: &Features) -> Option<f64> {
+    let closure = &features.closure;
+    closure.end_s.map(|end_s| end_s - closure.pressure_onset_s).filter(|seen_s| *seen_s > 0.0)
 }
 
 /// Leaves out and counts the samples at which a pressure sensor is at the end of its range. An end below the vapour pressure does not count: the
