@@ -116,7 +116,7 @@ pub struct WaveSpeeds {
     pub crossings: Option<Crossings>,
     /// From the front's arrival at two sensors.
     pub arrival: Option<Estimate>,
-    /// From the period after the closure, 4L/T: what lengthens the period (creep, gas, unsteady friction) lowers it.
+    /// From the period after the closure, 4L/T, of one pipe: what lengthens the period (creep, gas, unsteady friction) lowers it.
     pub period: Option<Estimate>,
 }
 

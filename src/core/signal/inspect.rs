@@ -34,7 +34,9 @@ pub(crate) fn inspect_stations(
 
     let length_m = rig.length_m();
     let guess_s = reference.period_s();
-    let about = guess_s.map(|t| Estimate { value: 4.0 * length_m / t, standard_error: f64::NAN });
+    // joints reflect: several pipes in series have another period than 4L/a of their mean
+    let uniform = rig.pipes.len() == 1;
+    let about = guess_s.filter(|_| uniform).map(|t| Estimate { value: 4.0 * length_m / t, standard_error: f64::NAN });
     let ThereAndBack { crossings, smear, slow } = wavespeed::there_and_back(&clear, length_m, about);
     let arrival = wavespeed::arrival(&clear, smear, about.map(|a| a.value)).filter(|_| !slow);
     let step_s = reference.coarse.step_s;
@@ -50,11 +52,11 @@ pub(crate) fn inspect_stations(
         value: reference.coarse.time_s(bend) - from_valve_s,
         standard_error: (bend_error * step_s).hypot(speed_error * from_valve_s),
     };
-    let back = if slow { f64::INFINITY } else { 2.0 * reference.place_m / speed / step_s };
-    let shut = slow.then(|| closure::shut(reference)).flatten();
-    let end = shut.unwrap_or_else(|| front.knee(&reference.coarse, back));
-    let end_s = Some(reference.coarse.time_s(end) - from_valve_s);
-    let closure = closure::closure(recording, onset, slow, end_s);
+    let back = 2.0 * reference.place_m / speed / step_s;
+    let shut = if slow && uniform { closure::shut(reference) } else { None };
+    let end = shut.or((!slow).then(|| front.knee(&reference.coarse, back)));
+    let closed_s = end.map(|at| reference.coarse.time_s(at) - from_valve_s);
+    let closure = closure::closure(recording, onset, slow, closed_s);
 
     let guess_s = guess_s.unwrap_or(4.0 * length_m / speed);
     // the rise of a slow closure is no half cycle: the oscillation begins when it ends
@@ -62,7 +64,7 @@ pub(crate) fn inspect_stations(
     let cycles = extrema::half_cycles(&reference.trace, free_s, guess_s, reference.noise.white_sd_m);
     let period = extrema::period(&cycles);
     let period_s = period.map_or(guess_s, |p| p.value);
-    let of_period = period.map(|t| {
+    let of_period = period.filter(|_| uniform).map(|t| {
         let value = 4.0 * length_m / t.value;
         Estimate { value, standard_error: value * t.standard_error / t.value }
     });

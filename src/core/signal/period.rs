@@ -1,20 +1,25 @@
 //! The period of an oscillation from all of a record at once: the delay after which the head repeats itself.
 //!
 //! Crossings and extrema mistake the echoes of a leak, a joint or a branch for cycles; these echoes come back with every cycle, so the whole record
-//! still repeats itself after the period, and after nothing less. Autocorrelation, each delay normalised by the energy of what it compares: an
-//! oscillation that decays by a factor `exp(-δ)` a cycle repeats itself with `1/cosh δ`. What moves slowly under it (a valve that still closes, creep, a
-//! drift) hides the repetition, so it is taken out at several scales, and that counts which leaves most of it.
+//! still repeats itself after the period, and after nothing less. And since a pipe that is shut at one end has odd harmonics only, it is its own mirror
+//! image after half of it. So a period is judged by the autocorrelation there less that at half of it, each normalised by the energy of what it
+//! compares: an oscillation that decays by a factor `exp(-δ)` a cycle repeats itself with `1/cosh δ`. What moves slowly under it (a valve that still
+//! closes, creep, a drift) hides the repetition. It is taken out at ever shorter scales until the record repeats itself.
 
 use realfft::RealFftPlanner;
 
 use crate::signal::trace::{mean, moving_mean};
 
-/// A record repeats itself where what recurs correlates by more than this: a decay to a sixth a cycle still does. Chosen.
+/// A record repeats itself where it is judged by more than this: a decay to a sixth a cycle still does. Chosen.
 const REPEATS: f64 = 0.3;
-/// Delays that correlate by this share of the best one are as good: the shortest of them is the period, the others are multiples of it. Chosen.
+/// Delays that are judged by this share of the best one are as good: the shortest of them is the period, the others are multiples of it. Chosen.
 const AS_GOOD: f64 = 0.9;
-/// Where the correlation falls below this share of the best one, a peak of it has ended. Chosen.
+/// Below this share of the best one a peak has ended. Chosen.
 const PEAK_ENDS: f64 = 0.5;
+/// Of the scales, the longest counts that is judged by this share of the best one: at shorter ones only echoes may be left. Chosen.
+const GOOD_ENOUGH: f64 = 0.6;
+/// Periods that differ by a smaller share are the same one. Chosen.
+const SAME: f64 = 0.1;
 /// Fewest samples of a period.
 const FEWEST: usize = 4;
 /// Most points that are looked at: a window around a closure holds no more than 400 periods, so that each keeps 40. More only cost time.
@@ -29,6 +34,8 @@ pub(crate) struct Repeats {
     pub period: f64,
     /// Logarithmic decrement a period that would leave as much correlation; noise adds to it.
     pub decrement: f64,
+    /// Half the correlation after the period less that after half of it.
+    likeness: f64,
 }
 
 /// The period of an oscillating record; none where it does not hold two periods, or does not repeat itself.
@@ -36,29 +43,37 @@ pub(crate) fn repeats(head_m: &[f64]) -> Option<Repeats> {
     let factor = head_m.len().div_ceil(MOST_POINTS).max(1);
     let points: Vec<f64> = head_m.chunks_exact(factor).map(mean).collect();
     let scaled = |scale: &usize| {
-        let slow = moving_mean(&points, points.len() / scale / 2);
-        points.iter().zip(slow).map(|(v, slow)| v - slow).collect()
+        let window = points.len() / scale;
+        let slow = moving_mean(&points, window / 2);
+        let x: Vec<f64> = points.iter().zip(slow).map(|(v, slow)| v - slow).collect();
+        // a shorter mean takes out the oscillation itself and leaves its fronts
+        repetition(&x).filter(|r| r.period <= window as f64)
     };
-    let found = std::iter::once(without_line(&points)).chain(SCALES.iter().map(scaled)).filter_map(|x| repetition(&x));
-    let best = found.min_by(|a, b| a.decrement.total_cmp(&b.decrement))?;
-    Some(Repeats { period: best.period * factor as f64, ..best })
+    let whole = repetition(&without_line(&points));
+    let found: Vec<Repeats> = whole.into_iter().chain(SCALES.iter().filter_map(scaled)).collect();
+    let best = found.iter().map(|r| r.likeness).fold(0.0, f64::max);
+    let longest = *found.iter().find(|r| r.likeness >= GOOD_ENOUGH * best)?;
+    let same = found.into_iter().filter(|r| (r.period / longest.period - 1.0).abs() < SAME);
+    let clearest = same.max_by(|a, b| a.likeness.total_cmp(&b.likeness))?;
+    Some(Repeats { period: clearest.period * factor as f64, ..clearest })
 }
 
 /// The same of a record without a trend.
 fn repetition(x: &[f64]) -> Option<Repeats> {
     let correlation = autocorrelation(x)?;
-    let negative = correlation.iter().position(|r| *r < 0.0)?;
-    let best = correlation[negative..].iter().copied().fold(0.0, f64::max);
+    let likeness: Vec<f64> = (0..correlation.len()).map(|lag| 0.5 * (correlation[lag] - correlation[lag / 2])).collect();
+    let best = likeness.iter().copied().fold(0.0, f64::max);
     if best < REPEATS {
         return None;
     }
-    let rises = (negative..correlation.len()).find(|&lag| correlation[lag] >= AS_GOOD * best)?;
-    let ends = (rises..correlation.len()).find(|&lag| correlation[lag] < PEAK_ENDS * best)?;
+    let rises = likeness.iter().position(|l| *l >= AS_GOOD * best)?;
+    let ends = (rises..likeness.len()).find(|&lag| likeness[lag] < PEAK_ENDS * best)?;
     let at = (rises..ends).max_by(|a, b| correlation[*a].total_cmp(&correlation[*b]))?;
-    let (a, b, c) = (correlation[at - 1], correlation[at], *correlation.get(at + 1)?);
+    let (a, b, c) = (*correlation.get(at.checked_sub(1)?)?, correlation[at], *correlation.get(at + 1)?);
     let aside = 0.5 * (a - c) / (a - 2.0 * b + c);
     let period = at as f64 + if aside.abs() <= 1.0 { aside } else { 0.0 };
-    (at >= FEWEST).then(|| Repeats { period, decrement: (1.0 / b.min(1.0)).acosh() })
+    let decrement = (1.0 / b.clamp(REPEATS, 1.0)).acosh();
+    (at >= FEWEST).then_some(Repeats { period, decrement, likeness: likeness[at] })
 }
 
 /// The values less the straight line through them.
