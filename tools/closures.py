@@ -47,7 +47,9 @@ def fitted(args, rig_text, name, share, stated, seed, work):
                 "faults": shown["sensor_faults"], "period_s": (shown["period_s"] or {}).get("value"), "return_s": return_s, "doubts": shown["doubts"]}
         fit = json.loads(said(program, "calibrate", record, "--json"))
         run = fit["runs"][0]
-        row |= {"left": run["rmse_m"] / noise_m, "before": run.get("start_rmse_m", float("nan")) / noise_m,
+        samples = sum(s["samples"] for s in run["sensors"])
+        before_m = (sum(s["samples"] * s["start_rmse_m"] ** 2 for s in run["sensors"]) / samples) ** 0.5
+        row |= {"left": run["rmse_m"] / noise_m, "before": before_m / noise_m,
                 "found": {p["name"]: p["value"] for p in fit["parameters"]}}
     except RuntimeError as error:
         row |= {"left": float("inf"), "before": float("nan"), "error": str(error)}

@@ -29,6 +29,8 @@ pub struct Features {
     pub reference: usize,
     /// Period of the oscillation, s (4L/a, lengthened by creep, gas and unsteady friction).
     pub period: Option<Estimate>,
+    /// Frequency at which the spectrum of the oscillation at the reference sensor peaks, Hz.
+    pub fundamental_hz: Option<f64>,
     /// Logarithmic decrement of each cycle at the reference sensor.
     pub damping_per_cycle: Vec<f64>,
     /// The wave speed in three ways.

@@ -5,7 +5,9 @@ use crate::rig::Rig;
 use crate::signal::error::SignalError;
 use crate::signal::features::{Estimate, Features, SensorFeatures, WaveSpeeds};
 use crate::signal::front::NoFront;
+use crate::signal::spectrum::Spectrum;
 use crate::signal::station::{Station, clear_stations, stations};
+use crate::signal::trace::Trace;
 use crate::signal::wavespeed::ThereAndBack;
 use crate::signal::{closure, extrema, levels, onset, wavespeed};
 
@@ -69,6 +71,8 @@ pub(crate) fn inspect_stations(
         Estimate { value, standard_error: value * t.standard_error / t.value }
     });
 
+    let fundamental_hz = period.and_then(|t| fundamental_hz(&reference.trace, free_s, t.value));
+
     let flow_m3_s = levels::flow_m3_s(recording, closure.start_s.min(onset.value));
     let area = rig.pipes.last().map_or(f64::NAN, |p| p.area_m2());
     let steady_velocity_m_s = flow_m3_s
@@ -93,8 +97,21 @@ pub(crate) fn inspect_stations(
         sensors,
         reference,
         period,
+        fundamental_hz,
         wave_speed: WaveSpeeds { joukowsky, crossings, arrival, period: of_period },
     })
+}
+
+/// Periods that are looked at for the spectrum: of what decays, later ones hold only noise and slow changes.
+const SPECTRUM_PERIODS: f64 = 10.0;
+
+/// Where the spectrum of a free oscillation of about this period peaks, Hz.
+fn fundamental_hz(trace: &Trace, from_s: f64, period_s: f64) -> Option<f64> {
+    let inside = trace.index(from_s)..trace.index(from_s + SPECTRUM_PERIODS * period_s);
+    let head_m = trace.head_m.get(inside)?;
+    let time_s: Vec<f64> = (0..head_m.len()).map(|i| i as f64 * trace.step_s).collect();
+    let lowest_hz = 0.5 / period_s;
+    Spectrum::of(&time_s, head_m)?.peak_hz(lowest_hz, 0.5 / trace.step_s)
 }
 
 fn why_none(rig: &Rig, stations: &[Station]) -> SignalError {

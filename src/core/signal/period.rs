@@ -61,7 +61,8 @@ pub(crate) fn repeats(head_m: &[f64]) -> Option<Repeats> {
 /// The same of a record without a trend.
 fn repetition(x: &[f64]) -> Option<Repeats> {
     let correlation = autocorrelation(x)?;
-    let likeness: Vec<f64> = (0..correlation.len()).map(|lag| 0.5 * (correlation[lag] - correlation[lag / 2])).collect();
+    let likeness: Vec<f64> =
+        (0..correlation.len()).map(|lag| 0.5 * (correlation[lag] - correlation[lag / 2])).collect();
     let best = likeness.iter().copied().fold(0.0, f64::max);
     if best < REPEATS {
         return None;
