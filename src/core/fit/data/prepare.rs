@@ -2,8 +2,8 @@
 
 use crate::fit::data::run_data::{Meter, RunData, RunStart, SensorData};
 use crate::fit::data::thresholds::{
-    DEFAULT_FLOW_UNCERTAINTY, DEFAULT_OFFSET_SHARE, FEWEST_BEFORE, JOUKOWSKY_UNCERTAINTY, SMOOTHING_EXCESS,
-    VAPOUR_MARGIN_PA,
+    CLOSING_TIME_FACTOR, DEFAULT_FLOW_UNCERTAINTY, DEFAULT_OFFSET_SHARE, FEWEST_BEFORE, JOUKOWSKY_UNCERTAINTY,
+    SMOOTHING_EXCESS, VAPOUR_MARGIN_PA,
 };
 use crate::model::Conditions;
 use crate::model::effects::ATMOSPHERE_PA;
@@ -74,7 +74,7 @@ pub fn prepare(file: &str, rig: &Rig, recording: &Recording, features: &Features
             velocity_m_s,
             valve_head_m: valve_head(rig, features, &water, velocity_m_s.0, rise_m),
             wave_speed_ratio: measured_speed.map(|a| a / mean_speed),
-            closing_time_s: seen_closing_time(features),
+            closing_time_s: contradicted_closing_time(rig, features),
         },
         meter: flow_meter(rig, features, velocity_m_s),
         extrema,
@@ -97,10 +97,12 @@ fn impulse_velocity(recording: &Recording, features: &Features) -> Option<f64> {
     Some(GRAVITY_M_S2 * (impulse + loss) / sensor.position_m).filter(|v| *v > 0.0 && v.is_finite())
 }
 
-/// The closing time that the pressures show.
-fn seen_closing_time(features: &Features) -> Option<f64> {
-    let closure = &features.closure;
-    closure.end_s.map(|end_s| end_s - closure.pressure_onset_s).filter(|seen_s| *seen_s > 0.0)
+/// The closing time that the pressures show, where the rig file's is far from it.
+fn contradicted_closing_time(rig: &Rig, features: &Features) -> Option<f64> {
+    let (nominal_s, closure) = (rig.valve.closing_time_s, &features.closure);
+    let seen_s = closure.end_s? - closure.pressure_onset_s;
+    let agree = (seen_s / CLOSING_TIME_FACTOR..=seen_s * CLOSING_TIME_FACTOR).contains(&nominal_s);
+    (seen_s > 0.0 && !agree).then_some(seen_s)
 }
 
 /// Leaves out and counts the samples at which a pressure sensor is at the end of its range. An end below the vapour pressure does not count: the
