@@ -109,6 +109,9 @@ pub struct Sensor {
     pub position_m: f64,
     /// Samples from the start of the closure.
     pub samples: usize,
+    /// Root mean square of measured − model at the start values, before any fit, m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub start_rmse_m: Option<f64>,
     /// Root mean square of measured − model, m.
     #[serde(deserialize_with = "number_or_null")]
     pub rmse_m: f64,
@@ -251,6 +254,7 @@ impl From<&SensorFit> for Sensor {
             name: sensor.name.clone(),
             position_m: sensor.position_m,
             samples: sensor.time_s.len(),
+            start_rmse_m: Some(sensor.start_rmse_m).filter(|e| e.is_finite()),
             rmse_m: sensor.rmse_m,
             noise_m: sensor.noise_m,
             inside_band_95: sensor.inside_band(),

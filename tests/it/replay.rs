@@ -57,7 +57,7 @@ fn a_result_that_moved_is_named() {
     assert_eq!(code, 1, "{out}\n{err}");
     let moved: Vec<&str> = out.lines().filter(|l| l.contains("inspect.period_s")).collect();
     assert_eq!(moved.len(), 1, "{out}");
-    assert!(moved[0].contains("1.10000") && moved[0].contains("1.0150") && moved[0].contains("MOVED"), "{out}");
+    assert!(moved[0].contains("1.10000") && moved[0].contains("1.015") && moved[0].contains("MOVED"), "{out}");
     assert!(!out.contains("rmse_m"), "what held is not shown: {out}");
     assert!(replay("--verbose", &recording).1.contains("calibrate.rmse_m"), "but with --verbose it is");
 }

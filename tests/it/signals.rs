@@ -203,10 +203,12 @@ fn the_lead_in_may_have_any_length() {
 fn a_closure_slower_than_the_wave_is_said_to_be_slow() {
     let lab = Lab { law: Law::Linear(3.0 * RETURN_S), end: 8.0, white: 0.02, ..CLEAN };
     let f = inspect(&record(lab, &[L])).unwrap();
-    let c = f.wave_speed.crossings.unwrap();
-    assert!(c.slow_closure && f.closure.end_s.is_none() && f.wave_speed.joukowsky.is_none(), "{f:?}");
-    assert!((c.value / A - 1.0).abs() < 0.02 && (c.value - A).abs() < 3.0 * c.standard_error, "{c:?}");
+    assert!(f.closure.slow && f.wave_speed.joukowsky.is_none(), "{f:?}");
+    let a = f.wave_speed.best().unwrap();
+    assert!((a.value / A - 1.0).abs() < 0.02 && (a.value - A).abs() < 3.0 * a.standard_error, "{a:?}");
     assert!((f.closure.start_s - lab.start).abs() < 0.01, "{:?}", f.closure);
+    let early = lab.start + 3.0 * RETURN_S - f.closure.end_s.unwrap();
+    assert!(early.abs() < 0.25 * RETURN_S, "{early}: {:?}", f.closure);
 }
 
 #[test]
@@ -224,8 +226,8 @@ fn one_sensor_anywhere_is_enough() {
 fn a_sensor_that_cannot_tell_says_so() {
     // a quarter up from the supply the closure outlasts the wave's return: its end looks like the return
     let f = inspect(&record(Lab { law: Law::Linear(0.14), white: 0.02, ..CLEAN }, &[0.25 * L])).unwrap();
-    let c = f.wave_speed.crossings.unwrap();
-    assert!(c.slow_closure && (c.value - A).abs() < 2.0 * c.standard_error, "{c:?}");
+    let a = f.wave_speed.best().unwrap();
+    assert!(f.closure.slow && (a.value / A - 1.0).abs() < 0.02, "{:?}", f.wave_speed);
     assert!((f.closure.start_s - CLEAN.start).abs() < 2.0 * f.closure.start_se_s, "{:?}", f.closure);
 }
 
@@ -235,11 +237,8 @@ fn a_closure_that_outlasts_the_waves_return_is_not_taken_for_it() {
         // the level holds until the valve is shut, and falls then: the rise takes as long as the wave's way
         let law = Law::Linear(returns * part * RETURN_S);
         let f = inspect(&record(Lab { law, white: 0.02, end: 8.0, ..CLEAN }, &[part * L])).unwrap();
-        let c = f.wave_speed.crossings.unwrap();
-        assert!(
-            c.slow_closure && (c.value / A - 1.0).abs() < 0.1 && (c.value - A).abs() < 2.0 * c.standard_error,
-            "{part} {c:?}"
-        );
+        let a = f.wave_speed.best().unwrap();
+        assert!(f.closure.slow && (a.value / A - 1.0).abs() < 0.02, "{part} {:?}", f.wave_speed);
     }
 }
 
@@ -370,7 +369,15 @@ fn numbers_that_cannot_all_be_right_are_doubted_and_others_are_not() {
     one(&flow(1.0 / 3.6), &["Joukowsky", "the units and scales of flow"]);
     one(&flow(0.1), &["which no water pipe has"]);
     one(&flow(2.0), &["Joukowsky", "whether the valve closed fully"]);
-    assert_eq!(said(&flow(1.3)), Vec::<String>::new(), "creep and leaks lower the first rise");
+    one(&flow(1.3), &["Joukowsky", "a leak, a wrong flow, or a slow closure?"]);
+    assert_eq!(said(&flow(1.1)), Vec::<String>::new(), "creep lowers the first rise");
+    // a wave three times as long on top of it: the head crosses its mean at one period, and its spectrum peaks at another
+    let mut other = good.clone();
+    for (t, head) in other.series[0].time_s.clone().iter().zip(&mut other.series[0].value) {
+        *head +=
+            1.5 * JOUKOWSKY * if *t > 1.1 { (std::f64::consts::TAU * (t - 1.1) / (6.0 * RETURN_S)).sin() } else { 0.0 };
+    }
+    assert!(!said(&other).is_empty(), "{:?}", inspect(&other).unwrap().period);
     let mut late = good.clone();
     late.series[1].time_s.iter_mut().for_each(|t| *t += 0.05);
     one(&late, &["from sensor to sensor", "clock"]);
@@ -496,4 +503,82 @@ fn the_samples_that_are_counted_are_those_recorded() {
     series.time_s.drain(100..112);
     series.value.drain(100..112);
     assert_eq!(inspect(&recording).unwrap().sensors[0].samples, all - 12);
+}
+
+/// The table that ships: a leak a third of the way, whose echoes cross the mean more often than the wave does.
+#[test]
+fn echoes_of_a_leak_are_no_cycles() {
+    let folder = tempfile::tempdir().unwrap();
+    let [rig, run_1] = ["rig.toml", "run.mcap"].map(|name| text(&folder.path().join(name)).to_owned());
+    let pipe = ["--material", "copper", "--length-m", "100", "--pipe", "22x1.5", "--temperature-degC", "18", "--yes"];
+    done(&[&["rig", "new", "recordings/logger.csv", "-o", &rig], &pipe[..]].concat());
+    done(&["import", "recordings/logger.csv", "--rig", &rig, "--yes", "-o", &run_1]);
+    let f = done(&["inspect", &run_1]);
+    let number = |value: &serde_json::Value| value.as_f64().unwrap();
+    let period_s = number(&f["period_s"]["value"]);
+    let of_wave_s = 400.0 / number(&f["wave_speed_m_s"]["crossings"]["value"]);
+    assert!((period_s / of_wave_s - 1.0).abs() < 0.03, "{period_s} s for 4L/a = {of_wave_s} s");
+    let frequency = done(&["frequency", &run_1]);
+    let fundamental_hz = number(&frequency["sensors"][0]["harmonics"][0]["record"]["frequency_hz"]);
+    assert!((period_s * fundamental_hz - 1.0).abs() < 0.02, "{period_s} s for {fundamental_hz} Hz");
+    let extrema: Vec<&Vec<serde_json::Value>> =
+        f["sensors"].as_array().unwrap().iter().map(|s| s["extrema"].as_array().unwrap()).collect();
+    assert!(extrema[0].len() >= 12 && extrema.iter().all(|e| e.len() == extrema[0].len()), "{f}");
+    for w in extrema.iter().flat_map(|e| e.windows(2)) {
+        let apart_s = number(&w[1]["time_s"]) - number(&w[0]["time_s"]);
+        assert!((0.25 * period_s..0.75 * period_s).contains(&apart_s), "{apart_s} s");
+    }
+    let damping = f["damping_per_cycle"].as_array().unwrap();
+    assert!(damping.iter().take(5).all(|d| (0.2..0.8).contains(&number(d))), "{damping:?}");
+    let doubts = f["doubts"].to_string();
+    assert!(doubts.contains("a leak, a wrong flow, or a slow closure?"), "{doubts}");
+}
+
+/// 60 m of copper pipe of 10 mm, as teaching rigs have it, with a valve that is turned by hand.
+fn slow_rig(closing_time_s: f64, metered: bool) -> String {
+    let meter = "[[sensor]]\nname = \"Q1\"\nkind = \"flow\"\nunit = \"L/min\"\nposition_m = 0.0\n";
+    format!(
+        "name = \"slow\"\n[fluid]\nname = \"water\"\ntemperature_degC = 20.0\n[[pipe]]\nname = \"main\"\nlength_m = 60.0\n\
+         inner_diameter_mm = 10.0\nwall_thickness_mm = 1.0\nmaterial = \"copper\"\n[upstream]\nkind = \"reservoir\"\n[downstream]\n\
+         kind = \"valve\"\nclosing_time_s = {closing_time_s}\n[[sensor]]\nname = \"P1\"\nkind = \"pressure\"\nposition_m = 60.0\n\
+         unit = \"m(H2O)\"\n{}",
+        if metered { meter } else { "" }
+    )
+}
+
+/// 2 s on a line whose 2L/a is 0.088 s: the front carries no wave speed, the oscillation after the closure does, and the model is fitted to its noise,
+/// whatever the rig file says of the valve, with a flow meter and without.
+#[test]
+fn a_slow_closure_shows_its_wave_speed_afterwards_and_is_fitted() {
+    for (nominal_s, closing_s, metered) in [(2.0, 2.0, true), (0.05, 1.2, true), (2.0, 0.15, true), (1.0, 1.0, false)] {
+        let folder = tempfile::tempdir().unwrap();
+        let [rig, run_1] = ["rig.toml", "run.mcap"].map(|name| text(&folder.path().join(name)).to_owned());
+        std::fs::write(&rig, slow_rig(nominal_s, metered)).unwrap();
+        let closing = format!("closing_time_s={closing_s}");
+        let made = done(&["simulate", "--rig", &rig, "--set", &closing, "--seed", "1", "-o", &run_1]);
+        let wave_speed = made["settings"]["wave_speed_m_s"].as_f64().unwrap();
+        let f = done(&["inspect", &run_1]);
+        let speeds = &f["wave_speed_m_s"];
+        assert!(f["closure"]["slow"] == true && speeds["crossings"]["slow_closure"] == true, "{closing_s}: {f}");
+        assert!(["value", "low", "high"].iter().all(|key| speeds["crossings"][key].is_null()), "{speeds}");
+        assert!(speeds["joukowsky"].is_null() && speeds["arrival"].is_null(), "{speeds}");
+        let seen = speeds["period"]["value"].as_f64().unwrap();
+        assert!((seen / wave_speed - 1.0).abs() < 0.005, "{closing_s}: {seen} for {wave_speed} m/s");
+        let took_s = f["closure"]["end_s"].as_f64().unwrap() - f["closure"]["start_s"].as_f64().unwrap();
+        assert!((took_s - closing_s).abs() < 0.05, "{took_s} for {closing_s} s");
+        assert_eq!(
+            (&f["sensor_faults"], &f["doubts"]),
+            (&serde_json::json!([]), &serde_json::json!([])),
+            "{closing_s}"
+        );
+
+        let fit = done(&["calibrate", &run_1]);
+        let [rmse_m, noise_m, start_m] = ["rmse_m", "noise_m", "start_rmse_m"]
+            .map(|key| fit["runs"][0]["sensors"][0][key].as_f64().unwrap_or_else(|| panic!("{key}: {fit}")));
+        assert!(rmse_m < 1.1 * noise_m && rmse_m <= start_m, "{closing_s}: {start_m} -> {rmse_m} m, noise {noise_m} m");
+        let found = |name: &str| crate::common::parameter(&fit, name)["value"].as_f64().unwrap();
+        assert!((found("wave_speed_m_s") / wave_speed - 1.0).abs() < 0.005, "{}", found("wave_speed_m_s"));
+        assert!((found("closing_time_s") / closing_s - 1.0).abs() < 0.03, "{}", found("closing_time_s"));
+        assert!((found("initial_velocity_m_s") - 1.0).abs() < 0.05, "{}", found("initial_velocity_m_s"));
+    }
 }

@@ -57,7 +57,7 @@ pub struct Args {
     /// How the valve closes.
     #[arg(long, value_enum, default_value_t = ValveForm::Linear)]
     valve: ValveForm,
-    /// Simulated time after the start of the closure, s [default: ten periods].
+    /// Simulated time after the start of the closure, s [default: ten periods; of a recording twelve, or the closing time and ten more].
     #[arg(long, value_name = "S", value_parser = positive, allow_negative_numbers = true)]
     duration: Option<f64>,
     /// Write values at 0, DT, 2 DT, … s [default: the simulation's own steps].
@@ -188,7 +188,9 @@ fn run_recorded(args: &Args, scenario: &Scenario, path: &Path, json: bool) -> Co
     if args.energy.is_some() {
         return Err("option `energy` needs a time series (.csv) as output, not a recording".into());
     }
-    let after_s = args.duration.unwrap_or(12.0 * scenario.period_s());
+    // a valve that closes slowly is recorded until it has closed, and the oscillation after it
+    let after_closure_s = scenario.run.closing_time_s + 10.0 * scenario.period_s();
+    let after_s = args.duration.unwrap_or(after_closure_s.max(12.0 * scenario.period_s()));
     let usual_hz = (SAMPLES_A_PERIOD / scenario.period_s()).max(LEAST_RATE_HZ);
     let rate_hz = args.instruments.rate.unwrap_or_else(|| to_digits(usual_hz, 2));
     let timing = Timing { rate_hz, lead_s: LEAD_S, after_s };

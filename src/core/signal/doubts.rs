@@ -1,16 +1,18 @@
 //! Warnings about a recording before any fit: numbers that cannot all be right.
 
-use crate::number::{duration, error_m, significant};
+use crate::number::{duration, error_m, plus_minus, significant};
 use crate::rig::material::{MATERIALS, Material};
 use crate::rig::{Pipe, Rig, WaterProperties};
 use crate::signal::features::{Estimate, Features, SensorFeatures};
 
 /// Wave speeds that differ by less agree: creep and unsteady friction smear the fronts from which they are read.
 const SAME_SPEED: f64 = 0.15;
-/// Joukowsky's speed may lie this far below the others: creep during the closure and a leak lower the first rise.
+/// If Joukowsky's speed lies this far below the others, units are the likelier cause: nothing in a pipe lowers the first rise as much.
 const LOW_JOUKOWSKY: f64 = 0.35;
 /// Faster than any wave in a water pipe, m/s.
 const FASTEST_M_S: f64 = 1600.0;
+/// Periods that differ by less agree: damping and unsteady friction move the peak of a spectrum.
+const SAME_PERIOD: f64 = 0.1;
 /// Least number of periods after the closure that a fit needs.
 const LEAST_PERIODS: f64 = 2.0;
 /// A wave may be so much faster than Korteweg's law allows: lengths, bores and walls are known to a few percent.
@@ -40,6 +42,7 @@ pub fn doubts(rig: &Rig, features: &Features) -> Vec<String> {
     if let Some(j) = speeds.joukowsky {
         found.extend(doubt_joukowsky(j, crossings));
     }
+    found.extend(doubt_period(features, crossings));
     if let Some(best) = speeds.best() {
         found.extend(doubt_bounds(rig, features.temperature_degc, best, speeds.arrival));
     }
@@ -158,10 +161,34 @@ fn doubt_joukowsky(j: Estimate, crossings: Option<Estimate>) -> Option<String> {
              the times are in seconds"
         ));
     }
-    (ratio < 1.0 - LOW_JOUKOWSKY).then(|| {
-        format!(
+    if ratio < 1.0 - LOW_JOUKOWSKY {
+        return Some(format!(
             "{values}: more than creep or a leak can explain; check the units and scales of flow and pressure, the inner diameter, and whether the \
              valve closed fully; air beside it does the same"
+        ));
+    }
+    (ratio < 1.0 - SAME_SPEED).then(|| format!("{values}: a leak, a wrong flow, or a slow closure?"))
+}
+
+/// Compares the wave speed of the whole record, 4L/T, with that of the first peak, and the period with that of the spectrum.
+fn doubt_period(features: &Features, crossings: Option<Estimate>) -> Option<String> {
+    let period = features.period?;
+    let found = format!("a cycle takes {} s", plus_minus(period.value, period.standard_error));
+    if let Some(hz) = features.fundamental_hz.filter(|hz| (period.value * hz - 1.0).abs() > SAME_PERIOD) {
+        return Some(format!(
+            "{found}, but the spectrum of the head peaks at {} Hz, a period of {} s: echoes of a leak, a joint or a branch, a cavity, or another \
+             source of pressure; look at the record before you trust period and damping",
+            significant(hz, 4),
+            significant(1.0 / hz, 4)
+        ));
+    }
+    let (a, c) = (features.wave_speed.period?, crossings?);
+    ((a.value / c.value - 1.0).abs() > SAME_SPEED && apart(a, c)).then(|| {
+        format!(
+            "{found}, which makes a wave speed of {} (4L/T), but the first wave travels at {}: gas, a cavity, strong creep, or a joint or branch that \
+             reflects?",
+            shown(a),
+            shown(c)
         )
     })
 }

@@ -10,7 +10,11 @@ pub(crate) struct HalfCycles {
     pub ends_s: Vec<f64>,
 }
 
-/// Splits a trace into half cycles from the start of the closure, by its crossings of the mean over a whole period
+/// Share of the period over which the head is averaged before its crossings count: that takes out the third harmonic and most of the higher ones, which
+/// echoes carry, and leaves one crossing each half cycle.
+const AVERAGED: f64 = 1.0 / 3.0;
+
+/// Splits a trace into half cycles from the start of the closure, by the crossings of its fundamental with the mean over a whole period
 /// (which follows drift and decay). A crossing counts once the head has gone through a tenth of the swing on both
 /// sides, so neither noise nor a plateau at the mean makes one.
 pub(crate) fn half_cycles(trace: &Trace, start_s: f64, period_s: f64, sd_m: f64) -> HalfCycles {
@@ -27,7 +31,19 @@ pub(crate) fn half_cycles(trace: &Trace, start_s: f64, period_s: f64, sd_m: f64)
     let (first_full, last_full) = (middle[half.min(last)], middle[last.max(half.min(last))]);
     middle[..half.min(last)].fill(first_full);
     middle[last.max(half.min(last))..].fill(last_full);
-    let smooth = moving_mean(after, (period / 100).min(50));
+    let smooth = moving_mean(after, (0.5 * AVERAGED * period as f64) as usize);
+    let light = moving_mean(after, (period / 100).min(50));
+    // the head itself, where it crosses nearest to its fundamental, has the sharper crossing
+    let sharpest = |at: f64, up: bool| {
+        let sign = if up { 1.0 } else { -1.0 };
+        let reach = period / 16;
+        let near = (at as usize).saturating_sub(reach)..(at as usize + reach).min(after.len() - 1);
+        let crossing = |i: usize| {
+            let (a, b) = (sign * (light[i] - middle[i]), sign * (light[i + 1] - middle[i + 1]));
+            (a > 0.0 && b <= 0.0).then(|| i as f64 + a / (a - b))
+        };
+        near.filter_map(crossing).min_by(|a, b| (a - at).abs().total_cmp(&(b - at).abs())).unwrap_or(at)
+    };
 
     let swing = |from: usize, to: usize| {
         let (lo, hi) = (from..to.min(after.len()))
@@ -54,7 +70,7 @@ pub(crate) fn half_cycles(trace: &Trace, start_s: f64, period_s: f64, sd_m: f64)
         if d < -scale
             && let Some(at) = left_at
         {
-            cycles.ends_s.push(start_s.max(trace.start_s) + at * trace.step_s);
+            cycles.ends_s.push(start_s.max(trace.start_s) + sharpest(at, up) * trace.step_s);
             up = !up;
             left_at = None;
             scale = 0.1 * swing(i, i + period);
@@ -79,10 +95,9 @@ pub(crate) fn period(cycles: &HalfCycles) -> Option<Estimate> {
     Some(Estimate { value, standard_error })
 }
 
-/// The highest or lowest head of each half cycle, smoothed over `half_width` samples on either side.
-pub(crate) fn extrema(trace: &Trace, cycles: &HalfCycles, start_s: f64, half_width: usize, sd_m: f64) -> Vec<Extremum> {
+/// The highest or lowest head of each half cycle, smoothed over `half_width` samples on either side; none where samples are missing.
+pub(crate) fn extrema(trace: &Trace, cycles: &HalfCycles, start_s: f64, half_width: usize) -> Vec<Extremum> {
     let smooth = trace.smoothed(half_width);
-    let resolution = 4.0 * sd_m / ((2 * half_width + 1) as f64).sqrt();
     let mut found: Vec<Extremum> = Vec::new();
     let mut from = trace.index(start_s);
     for (k, end_s) in cycles.ends_s.iter().enumerate() {
@@ -93,20 +108,20 @@ pub(crate) fn extrema(trace: &Trace, cycles: &HalfCycles, start_s: f64, half_wid
             if peak { order } else { order.reverse() }
         };
         let range = from..to.min(trace.len());
+        from = to;
         if !trace.intact(range.clone()) {
-            from = to;
             continue; // the extremum may be what was lost
         }
         let Some(at) = range.max_by(better) else { break };
-        if let Some(last) = found.last()
-            && (last.head_m - smooth[at]).abs() < resolution
-        {
-            break;
-        }
         found.push(Extremum { time_s: trace.time_s(at as f64), head_m: smooth[at], peak, cycle: k / 2 + 1 });
-        from = to;
     }
     found
+}
+
+/// How many half cycles pass until an extremum stands out from the one before it by less than `resolution_m`.
+pub(crate) fn resolved(extrema: &[Extremum], resolution_m: f64) -> usize {
+    let near = extrema.windows(2).find(|w| (w[1].head_m - w[0].head_m).abs() < resolution_m);
+    near.map_or(usize::MAX, |w| w[1].half_cycle())
 }
 
 /// Logarithmic decrement of the swing from peak to trough, cycle by cycle.
@@ -145,7 +160,7 @@ mod tests {
         let cycles = half_cycles(&trace, 1.0, 0.42, 1e-3);
         let period = period(&cycles).unwrap();
         assert!((period.value - 0.4).abs() < 0.002, "{period:?}");
-        let extrema = extrema(&trace, &cycles, 1.0, 2, 1e-3);
+        let extrema = extrema(&trace, &cycles, 1.0, 2);
         assert!(
             extrema.len() > 12
                 && extrema.iter().enumerate().all(|(i, e)| e.peak == (i % 2 == 0) && e.cycle == i / 2 + 1)

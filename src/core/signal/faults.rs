@@ -348,10 +348,12 @@ impl<'a> Scene<'a> {
 
     /// Stations whose times are in another unit: the wave would be far too fast or slow, or the record far longer than the others.
     fn time_units(&self) -> Vec<(usize, String)> {
+        // the period does not depend on how long the valve takes; a record too short for it has the first peak
         let pace = |s: &Station| {
             let front = s.front.as_ref().ok()?;
             let there_and_back_s = (front.half_fall - front.onset) * s.coarse.step_s;
-            (s.place_m > 0.0).then(|| 2.0 * s.place_m / there_and_back_s / self.speed_m_s)
+            let of_peak = (s.place_m > 0.0).then(|| 2.0 * s.place_m / there_and_back_s / self.speed_m_s);
+            s.period_s().map(|t| 4.0 * self.rig.length_m() / t / self.speed_m_s).or(of_peak)
         };
         let odd = |ratio: f64| !(1.0 / OTHER_TIME_UNIT..=OTHER_TIME_UNIT).contains(&ratio);
         let all = self.stations.iter().enumerate();

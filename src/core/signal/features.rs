@@ -29,6 +29,8 @@ pub struct Features {
     pub reference: usize,
     /// Period of the oscillation, s (4L/a, lengthened by creep, gas and unsteady friction).
     pub period: Option<Estimate>,
+    /// Frequency at which the spectrum of the oscillation at the reference sensor peaks, Hz.
+    pub fundamental_hz: Option<f64>,
     /// Logarithmic decrement of each cycle at the reference sensor.
     pub damping_per_cycle: Vec<f64>,
     /// The wave speed in three ways.
@@ -42,9 +44,12 @@ pub struct Closure {
     pub start_s: f64,
     /// Standard error of the start, s.
     pub start_se_s: f64,
-    /// Its observed end, s: from the valve position or the end of the first rise; none if the closure is slower than
-    /// 2L/a.
+    /// Its observed end, s: from the valve position, from the end of the first rise, or, of a slow one, from where the head starts to repeat itself;
+    /// none if nothing shows it.
     pub end_s: Option<f64>,
+    /// Whether it takes longer, or nearly longer, than the wave's return to the sensor (2L/a at the valve), so that the fall of the first peak starts
+    /// within its rise: the front then carries neither the wave speed nor Joukowsky's head.
+    pub slow: bool,
     /// Whether the start comes from a trigger channel.
     pub from_trigger: bool,
     /// Time at which the pressure starts to rise at the valve, s.
@@ -78,7 +83,7 @@ pub struct SensorFeatures {
     pub front_arrival_s: Option<Estimate>,
     /// The first peak.
     pub first_peak: Option<Extremum>,
-    /// All peaks and troughs in turn, as long as they stand out from the noise.
+    /// All peaks and troughs in turn, one each half cycle, as long as they stand out from the noise at every sensor.
     pub extrema: Vec<Extremum>,
     /// Logarithmic decrement of each cycle.
     pub damping_per_cycle: Vec<f64>,
@@ -97,7 +102,14 @@ pub struct Extremum {
     pub cycle: usize,
 }
 
-/// The wave speed in three ways, m/s; of several pipes the mean (length by travel time).
+impl Extremum {
+    /// Its half cycle, from 0: peaks have even numbers.
+    pub(crate) fn half_cycle(&self) -> usize {
+        2 * (self.cycle - 1) + usize::from(!self.peak)
+    }
+}
+
+/// The wave speed in four ways, m/s; of several pipes the mean (length by travel time).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WaveSpeeds {
     /// From the first rise and the velocity before the closure; needs a flow sensor and a closure faster than 2L/a.
@@ -106,6 +118,8 @@ pub struct WaveSpeeds {
     pub crossings: Option<Crossings>,
     /// From the front's arrival at two sensors.
     pub arrival: Option<Estimate>,
+    /// From the period after the closure, 4L/T, of one pipe: what lengthens the period (creep, gas, unsteady friction) lowers it.
+    pub period: Option<Estimate>,
 }
 
 /// The wave speed from the times before and after the first peak, m/s.
@@ -119,15 +133,12 @@ pub struct Crossings {
     pub low: f64,
     /// Highest value that another level or window gives.
     pub high: f64,
-    /// Whether the closure takes longer, or nearly longer, than the wave's return to the sensor (2L/a at the valve), so
-    /// that the fall starts within the rise.
-    pub slow_closure: bool,
 }
 
 impl WaveSpeeds {
-    /// The most reliable of them as a start value: crossings, else arrival, else Joukowsky.
+    /// The most reliable of them as a start value: crossings, else arrival, else the period, else Joukowsky.
     pub fn best(&self) -> Option<Estimate> {
         let crossings = self.crossings.map(|c| Estimate { value: c.value, standard_error: c.standard_error });
-        crossings.or(self.arrival).or(self.joukowsky)
+        crossings.or(self.arrival).or(self.period).or(self.joukowsky)
     }
 }

@@ -4,6 +4,7 @@
 use std::ops::Range;
 
 use crate::robust::median;
+use crate::signal::period::repeats;
 use crate::signal::project::{Projector, profile_minimum};
 use crate::signal::trace::{Trace, mean, moving_mean};
 
@@ -18,7 +19,9 @@ pub(crate) struct Front {
     pub base_m: f64,
     /// Highest head of the first peak, m.
     pub top_m: f64,
-    /// Index at which the head has fallen half way from the top to the base.
+    /// Index of the top.
+    pub top: f64,
+    /// Index at which the head has fallen half way from the top to the base, or to the next trough where that lies higher.
     pub half_fall: f64,
     /// Range of grid points before the front in which nothing happens.
     pub quiet: Range<usize>,
@@ -140,12 +143,8 @@ pub(crate) fn find(trace: &Trace, white_sd_m: f64) -> Result<Front, NoFront> {
         let end = start.saturating_sub((high - start) / 3);
         base = if end < from + 3 { head[from] } else { median(&mut head[from..end].to_vec()) };
     }
-    let mut top = head[high];
-    let fallen = (high..head.len()).find(|&i| {
-        top = top.max(head[i]);
-        head[i] < base + 0.5 * (top - base)
-    });
-    let fallen = fallen.ok_or(NoFront::NoReturn)?;
+    let (top_at, fallen) = fall(&head, high, base).ok_or(NoFront::NoReturn)?;
+    let top = head[top_at];
     let height = top - base;
     if height < 0.15 * swing {
         return Err(NoFront::Quiet); // a drift: the level before it follows right behind
@@ -165,5 +164,25 @@ pub(crate) fn find(trace: &Trace, white_sd_m: f64) -> Result<Front, NoFront> {
     if !worth {
         return Err(NoFront::Quiet);
     }
-    Ok(Front { onset, rise, base_m: base, top_m: top, half_fall: fallen as f64, quiet })
+    Ok(Front { onset, rise, base_m: base, top_m: top, top: top_at as f64, half_fall: fallen as f64, quiet })
+}
+
+/// The top of the first peak and where the head has fallen from it by half. A closure that lasts long raises the head to the supply's for good, and
+/// leaves but a small oscillation about it: its trough does not come half way down to the base.
+fn fall(head: &[f64], from: usize, base_m: f64) -> Option<(usize, usize)> {
+    let mut top = from;
+    for (i, &h) in head.iter().enumerate().skip(from) {
+        if h > head[top] {
+            top = i;
+        }
+        if h < base_m + 0.5 * (head[top] - base_m) {
+            return Some((top, i));
+        }
+    }
+    let period = repeats(&head[from..])?.period as usize;
+    let next = |i: usize| &head[i..(i + period).min(head.len())];
+    let top = (from..head.len()).find(|&i| next(i).iter().all(|&h| h <= head[i]))?;
+    let trough_m = next(top).iter().copied().fold(f64::INFINITY, f64::min);
+    let fallen = next(top).iter().position(|&h| h < 0.5 * (head[top] + trough_m))?;
+    Some((top, top + fallen))
 }

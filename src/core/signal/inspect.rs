@@ -5,8 +5,14 @@ use crate::rig::Rig;
 use crate::signal::error::SignalError;
 use crate::signal::features::{Estimate, Features, SensorFeatures, WaveSpeeds};
 use crate::signal::front::NoFront;
+use crate::signal::spectrum::Spectrum;
 use crate::signal::station::{Station, clear_stations, stations};
+use crate::signal::trace::Trace;
+use crate::signal::wavespeed::ThereAndBack;
 use crate::signal::{closure, extrema, levels, onset, wavespeed};
+
+/// A slow closure leaves an oscillation with sharp tops; what is sharp in it, as a share of its period. Chosen.
+const SHARP: f64 = 0.2;
 
 /// Finds everything that a recording shows without a model.
 pub fn inspect(recording: &Recording) -> Result<Features, SignalError> {
@@ -28,17 +34,19 @@ pub(crate) fn inspect_stations(
     let Some(&reference) = clear.first() else { return Err(why_none(rig, stations)) };
     let Ok(front) = &reference.front else { return Err(why_none(rig, stations)) };
 
-    let (crossings, smear) = wavespeed::crossings(&clear, rig.length_m()).unzip();
-    let smear = smear.unwrap_or(0.0);
-    let crossings = crossings.map(|found| wavespeed::held_against_period(found, reference, rig.length_m()));
-    let slow = crossings.is_none_or(|c| c.slow_closure);
-    let arrival = wavespeed::arrival(&clear, smear);
+    let length_m = rig.length_m();
+    let guess_s = reference.period_s();
+    // joints reflect: several pipes in series have another period than 4L/a of their mean
+    let uniform = rig.pipes.len() == 1;
+    let about = guess_s.filter(|_| uniform).map(|t| Estimate { value: 4.0 * length_m / t, standard_error: f64::NAN });
+    let ThereAndBack { crossings, smear, slow } = wavespeed::there_and_back(&clear, length_m, about);
+    let arrival = wavespeed::arrival(&clear, smear, about.map(|a| a.value)).filter(|_| !slow);
     let step_s = reference.coarse.step_s;
     // without a match the half fall is the next best measure of 2L/a
     let rough = 2.0 * reference.place_m / ((front.half_fall - front.onset) * step_s).max(step_s);
-    let speed = crossings.map(|c| c.value).or(arrival.map(|a| a.value)).unwrap_or(rough);
+    let speed = crossings.map(|c| c.value).or(arrival.map(|a| a.value)).or(about.map(|a| a.value)).unwrap_or(rough);
     let speed_error = crossings.map_or(0.3, |c| c.standard_error / c.value).max(0.005);
-    let from_valve_s = (rig.length_m() - reference.place_m).max(0.0) / speed;
+    let from_valve_s = (length_m - reference.place_m).max(0.0) / speed;
 
     let (bend, bend_error) = onset::bend(&reference.coarse, front, reference.coarse_sd_m)
         .unwrap_or((front.onset, (0.1 * front.rise).max(1.0)));
@@ -47,13 +55,23 @@ pub(crate) fn inspect_stations(
         standard_error: (bend_error * step_s).hypot(speed_error * from_valve_s),
     };
     let back = 2.0 * reference.place_m / speed / step_s;
-    let end_s = reference.coarse.time_s(front.knee(&reference.coarse, back)) - from_valve_s;
-    let closure = closure::closure(recording, onset, (!slow).then_some(end_s));
+    let shut = if slow && uniform { closure::shut(reference) } else { None };
+    let end = shut.or((!slow).then(|| front.knee(&reference.coarse, back)));
+    let closed_s = end.map(|at| reference.coarse.time_s(at) - from_valve_s);
+    let closure = closure::closure(recording, onset, slow, closed_s);
 
-    let guess_s = 4.0 * rig.length_m() / speed;
-    let cycles = extrema::half_cycles(&reference.trace, onset.value, guess_s, reference.noise.white_sd_m);
+    let guess_s = guess_s.unwrap_or(4.0 * length_m / speed);
+    // the rise of a slow closure is no half cycle: the oscillation begins when it ends
+    let free_s = shut.map_or(onset.value, |at| reference.coarse.time_s(at));
+    let cycles = extrema::half_cycles(&reference.trace, free_s, guess_s, reference.noise.white_sd_m);
     let period = extrema::period(&cycles);
     let period_s = period.map_or(guess_s, |p| p.value);
+    let of_period = period.filter(|_| uniform).map(|t| {
+        let value = 4.0 * length_m / t.value;
+        Estimate { value, standard_error: value * t.standard_error / t.value }
+    });
+
+    let fundamental_hz = period.and_then(|t| fundamental_hz(&reference.trace, free_s, t.value));
 
     let flow_m3_s = levels::flow_m3_s(recording, closure.start_s.min(onset.value));
     let area = rig.pipes.last().map_or(f64::NAN, |p| p.area_m2());
@@ -63,10 +81,12 @@ pub(crate) fn inspect_stations(
     let joukowsky =
         steady_velocity_m_s.filter(|_| !slow).and_then(|v| wavespeed::joukowsky(reference, speed, v, smear));
 
-    let sensors: Vec<SensorFeatures> = stations
+    let sharp_s = (front.rise * step_s).min(SHARP * period_s);
+    let mut sensors: Vec<SensorFeatures> = stations
         .iter()
-        .map(|station| sensor_features(recording, station, &cycles, onset.value, period_s, front.rise * step_s))
+        .map(|station| sensor_features(recording, station, &cycles, onset.value, period_s, sharp_s))
         .collect();
+    same_cycles(&mut sensors, &clear, sharp_s);
     let reference = stations.iter().position(|s| s.sensor == reference.sensor).unwrap_or(0);
     Ok(Features {
         closure,
@@ -77,8 +97,21 @@ pub(crate) fn inspect_stations(
         sensors,
         reference,
         period,
-        wave_speed: WaveSpeeds { joukowsky, crossings, arrival },
+        fundamental_hz,
+        wave_speed: WaveSpeeds { joukowsky, crossings, arrival, period: of_period },
     })
+}
+
+/// Periods that are looked at for the spectrum: of what decays, later ones hold only noise and slow changes.
+const SPECTRUM_PERIODS: f64 = 10.0;
+
+/// Where the spectrum of a free oscillation of about this period peaks, Hz.
+fn fundamental_hz(trace: &Trace, from_s: f64, period_s: f64) -> Option<f64> {
+    let inside = trace.index(from_s)..trace.index(from_s + SPECTRUM_PERIODS * period_s);
+    let head_m = trace.head_m.get(inside)?;
+    let time_s: Vec<f64> = (0..head_m.len()).map(|i| i as f64 * trace.step_s).collect();
+    let lowest_hz = 0.5 / period_s;
+    Spectrum::of(&time_s, head_m)?.peak_hz(lowest_hz, 0.5 / trace.step_s)
 }
 
 fn why_none(rig: &Rig, stations: &[Station]) -> SignalError {
@@ -103,7 +136,7 @@ fn sensor_features(
     cycles: &extrema::HalfCycles,
     start_s: f64,
     period_s: f64,
-    rise_s: f64,
+    sharp_s: f64,
 ) -> SensorFeatures {
     let place = &recording.rig.sensors[station.sensor];
     let Station { trace, noise, .. } = station;
@@ -118,8 +151,7 @@ fn sensor_features(
     };
     let base_m = station.front.as_ref().map_or(trace.head_m[0], |f| f.base_m);
     let newest = (5.0f64.max(2.0 * period_s) / trace.step_s) as usize;
-    let half_width = ((0.1 * rise_s / trace.step_s) as usize).min(200);
-    let extrema = extrema::extrema(trace, cycles, start_s, half_width, noise.white_sd_m);
+    let extrema = extrema::extrema(trace, cycles, start_s, half_width(trace.step_s, sharp_s));
     SensorFeatures {
         sensor: station.sensor,
         name: place.name.clone(),
@@ -133,7 +165,28 @@ fn sensor_features(
         steady_after_m: levels::after(trace, start_s, period_s, noise),
         front_arrival_s,
         first_peak: extrema.first().copied().filter(|e| e.peak),
-        damping_per_cycle: extrema::damping(&extrema),
+        damping_per_cycle: Vec::new(),
         extrema,
+    }
+}
+
+/// Samples on either side over which extrema are smoothed: a tenth of the sharpest that there is.
+fn half_width(step_s: f64, sharp_s: f64) -> usize {
+    ((0.1 * sharp_s / step_s) as usize).min(200)
+}
+
+/// Leaves each sensor the half cycles whose extrema stand out from the noise at all that have a clear front; a sensor without one, as at the supply,
+/// keeps its own.
+fn same_cycles(sensors: &mut [SensorFeatures], clear: &[&Station], sharp_s: f64) {
+    let resolved = |s: &SensorFeatures| {
+        let averaged = 2 * half_width(s.interval_s, sharp_s) + 1;
+        extrema::resolved(&s.extrema, 4.0 * s.noise.white_sd_m / (averaged as f64).sqrt())
+    };
+    let is_clear = |s: &&SensorFeatures| clear.iter().any(|c| c.sensor == s.sensor);
+    let common = sensors.iter().filter(is_clear).map(&resolved).min().unwrap_or(0);
+    for sensor in sensors {
+        let own = resolved(sensor).min(common);
+        sensor.extrema.retain(|e| e.half_cycle() < own);
+        sensor.damping_per_cycle = extrema::damping(&sensor.extrema);
     }
 }

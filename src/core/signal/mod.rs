@@ -11,7 +11,8 @@
 //! | `levels` | head before and after, flow, temperature |
 //! | `matching`, `wavespeed` | delays between fronts, and the wave speed they give |
 //! | `between` | the same front in two recordings |
-//! | `extrema` | half cycles, period, damping |
+//! | `period` | the delay after which the record repeats itself |
+//! | `extrema` | half cycles, damping |
 //! | [`oscillation`](mod@oscillation) | the same of a head known without noise |
 //! | [`spectrum`] | amplitude over frequency of a trace |
 //! | `inspect` | all of it |
@@ -37,6 +38,7 @@ pub(crate) mod matching;
 pub(crate) mod noise;
 pub(crate) mod onset;
 pub mod oscillation;
+pub(crate) mod period;
 pub(crate) mod project;
 pub mod spectrum;
 pub(crate) mod station;

@@ -32,7 +32,7 @@ pub fn oscillation(step_s: f64, head_m: &[f64], period_s: f64) -> Oscillation {
         cycles = half_cycles(&trace, 0.0, found.value, 0.0);
         period = extrema::period(&cycles).or(period);
     }
-    let mut extrema = extrema::extrema(&trace, &cycles, 0.0, 0, 0.0);
+    let mut extrema = extrema::extrema(&trace, &cycles, 0.0, 0);
     for extremum in &mut extrema {
         refine(extremum, &trace);
     }

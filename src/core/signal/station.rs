@@ -6,10 +6,11 @@ use crate::signal::front;
 use crate::signal::front::{Front, NoFront};
 use crate::signal::levels::finite;
 use crate::signal::noise::{Noise, noise, white_sd_of_whole};
+use crate::signal::period::{Repeats, repeats};
 use crate::signal::trace::Trace;
 use crate::units::GRAVITY_M_S2;
 
-/// Points that a front needs; more only cost time, so they are averaged.
+/// Points that a front needs, and the oscillation after it; more only cost time, so they are averaged.
 const POINTS_A_FRONT: f64 = 40.0;
 
 /// A pressure sensor that recorded something.
@@ -25,6 +26,8 @@ pub(crate) struct Station {
     pub coarse: Trace,
     /// The first front in `coarse`.
     pub front: Result<Front, NoFront>,
+    /// How the record repeats itself after the top of its first peak, in samples of `trace`.
+    pub repeats: Option<Repeats>,
     /// The sensor's noise.
     pub noise: Noise,
     /// Standard deviation of the white noise of `coarse`, m.
@@ -47,14 +50,23 @@ impl Station {
         let whole = found(1);
         let loud = !matches!(whole.2, Ok(_) | Err(NoFront::NoReturn)) && trace.len() > 64 * 50;
         let seen = if loud { [8, 64].into_iter().map(found).find(|f| f.2.is_ok()).unwrap_or(whole) } else { whole };
-        let rise = seen.2.as_ref().map_or(0.0, |f| f.rise * seen.0 as f64);
-        let fitting = ((rise / POINTS_A_FRONT) as usize).max(1);
+        let samples = |points: f64| points * seen.0 as f64;
+        let rise = seen.2.as_ref().map_or(0.0, |f| samples(f.rise));
+        let repeats =
+            seen.2.as_ref().ok().and_then(|f| repeats(&trace.head_m[(samples(f.top) as usize).min(trace.len())..]));
+        let shortest = repeats.map_or(rise, |r| rise.min(r.period));
+        let fitting = ((shortest / POINTS_A_FRONT) as usize).max(1);
         let (factor, coarse, front) =
             if fitting == seen.0 { seen } else { Some(found(fitting)).filter(|f| f.2.is_ok()).unwrap_or(seen) };
         let lead = front.as_ref().map_or(0..0, |f| f.quiet.start * factor..(f.quiet.end * factor).min(trace.len()));
         let noise = noise(&trace.head_m[lead.clone()], &trace.head_m);
         let coarse_sd_m = noise.white_sd_m / (factor as f64).sqrt();
-        Station { sensor, place_m, trace, coarse, front, noise, coarse_sd_m, lead }
+        Station { sensor, place_m, trace, coarse, front, repeats, noise, coarse_sd_m, lead }
+    }
+
+    /// The period of its oscillation, s.
+    pub fn period_s(&self) -> Option<f64> {
+        self.repeats.map(|r| r.period * self.trace.step_s)
     }
 
     /// The trace on the grid of another one, for matching; the index shift is `shift` grid points.

@@ -1,6 +1,5 @@
-//! The wave speed in three ways, none of which needs a model of the run.
+//! The wave speed in four ways, none of which needs a model of the run.
 
-use crate::signal::extrema;
 use crate::signal::features::{Crossings, Estimate};
 use crate::signal::front::Front;
 use crate::signal::matching::{Delay, Sense, delay};
@@ -16,8 +15,6 @@ const SLOW: f64 = 0.85;
 const MISTAKEN: f64 = 0.25;
 /// Share by which creep, gas and unsteady friction may lengthen the period.
 const LENGTHENED: f64 = 0.1;
-/// Factor within which the rise of a closure that outlasts the wave's return agrees with that return.
-const RISE_ALIKE: f64 = 1.5;
 /// Share of the smear that counts as the error left in a delay of matched fronts.
 const TAIL_LEFT: f64 = 0.1;
 
@@ -26,18 +23,31 @@ fn is_crowded(front: &Front) -> bool {
     front.rise > CROWDED * (front.half_fall - front.onset)
 }
 
+/// What the first peak says of the wave's way to the supply and back.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct ThereAndBack {
+    /// The wave speed, where the front carries it.
+    pub crossings: Option<Crossings>,
+    /// Relative excess of the half level's delay, which creep and unsteady friction cause.
+    pub smear: f64,
+    /// Whether the closure is slow, see [`Closure::slow`](crate::signal::Closure::slow).
+    pub slow: bool,
+}
+
 /// The wave speed from the first front's travel time to the supply and back: matches the first peak's rise with its
 /// fall.
 ///
 /// `stations` are ordered from the valve to the supply. The first one is searched without a prior, the others near the
 /// first result. The range covers every window of every sensor and the crossings of equal levels (a quarter and half of
-/// the front; at the valve, half is the steady level itself, as in Table 2 of the source paper). Also returns the
-/// smear: the relative excess of the half level's delay, which creep and unsteady friction cause.
-pub(crate) fn crossings(stations: &[&Station], length_m: f64) -> Option<(Crossings, f64)> {
+/// the front; at the valve, half is the steady level itself, as in Table 2 of the source paper).
+///
+/// A fall that marks the end of a slow closure looks like the wave's return, only later. The period exposes it: 4L/a is the same at every sensor,
+/// however the valve closes, and nothing makes it shorter.
+pub(crate) fn there_and_back(stations: &[&Station], length_m: f64, of_period: Option<Estimate>) -> ThereAndBack {
     let mut estimates: Vec<Estimate> = Vec::new();
     let mut alternatives: Vec<f64> = Vec::new();
     let mut tail = 0.0;
-    let mut slow = false;
+    let mut slow = of_period.zip(stations.first()).is_none_or(|(a, s)| outlasts_return(s, a.value));
     let mut doubt = 0.0;
     for station in stations {
         let Ok(front) = &station.front else { continue };
@@ -63,11 +73,14 @@ pub(crate) fn crossings(stations: &[&Station], length_m: f64) -> Option<(Crossin
         let Some(found) = delay(trace, front, trace, lags, Sense::Falls, reach, station.coarse_sd_m) else { continue };
         let value = speed(found.value);
         if estimates.is_empty() {
-            // between valve and supply, a closure that outlasts the return holds the level, and the fall marks its end
-            let doubtful = station.place_m < 0.9 * length_m && front.rise > CROWDED * found.value;
-            slow = doubtful || front.rise > SLOW * found.value;
-            if doubtful {
-                doubt = MISTAKEN;
+            match of_period {
+                Some(a) => slow |= value < (1.0 - MISTAKEN) * a.value,
+                None => {
+                    // between valve and supply, a closure that outlasts the return holds the level, and the fall marks its end
+                    let doubtful = station.place_m < 0.9 * length_m && front.rise > CROWDED * found.value;
+                    slow = doubtful || front.rise > SLOW * found.value;
+                    doubt = if doubtful { MISTAKEN } else { 0.0 };
+                }
             }
             let levels = if slow { Vec::new() } else { equal_levels(station, front, length_m, &found) };
             if let Some(half) = levels.last() {
@@ -78,31 +91,20 @@ pub(crate) fn crossings(stations: &[&Station], length_m: f64) -> Option<(Crossin
         alternatives.extend(found.windows.iter().map(|w| speed(*w)));
         estimates.push(Estimate { value, standard_error: value * found.standard_error / found.value });
     }
-    let joint = weighted_mean(&estimates)?;
-    let standard_error = joint.standard_error.hypot(TAIL_LEFT * tail * joint.value).hypot(doubt * joint.value);
-    let low = alternatives.iter().copied().fold(joint.value - standard_error, f64::min);
-    let high = alternatives.iter().copied().fold(joint.value + standard_error, f64::max);
-    Some((Crossings { value: joint.value, standard_error, low, high, slow_closure: slow }, tail))
+    let crossings = weighted_mean(&estimates).map(|joint| {
+        let standard_error = joint.standard_error.hypot(TAIL_LEFT * tail * joint.value).hypot(doubt * joint.value);
+        let low = alternatives.iter().copied().fold(joint.value - standard_error, f64::min);
+        let high = alternatives.iter().copied().fold(joint.value + standard_error, f64::max);
+        Crossings { value: joint.value, standard_error, low, high }
+    });
+    let carried = |c: &Crossings| !slow || of_period.is_none_or(|a| (c.value / a.value - 1.0).abs() < LENGTHENED);
+    ThereAndBack { crossings: crossings.filter(carried), smear: tail, slow }
 }
 
-/// Between the valve and the supply, a closure that outlasts the wave's return may hold the level and let it fall when
-/// it ends. Rise and fall then show the closure, and the wave seems too slow. The period exposes this: it is 4L/a at
-/// every sensor, and no shorter. The rise then takes as long as the wave's way to the supply and back.
-pub(crate) fn held_against_period(found: Crossings, station: &Station, length_m: f64) -> Crossings {
-    let Ok(front) = &station.front else { return found };
-    if station.place_m > 0.9 * length_m {
-        return found;
-    }
-    let start_s = station.coarse.time_s(front.onset);
-    let cycles = extrema::half_cycles(&station.trace, start_s, 4.0 * length_m / found.value, station.noise.white_sd_m);
-    let Some(period) = extrema::period(&cycles) else { return found };
-    let value = 4.0 * length_m / period.value;
-    let of_rise = 2.0 * station.place_m / (front.rise * station.coarse.step_s);
-    if found.value > (1.0 - MISTAKEN) * value || (of_rise / value).max(value / of_rise) > RISE_ALIKE {
-        return found;
-    }
-    let standard_error = LENGTHENED * value;
-    Crossings { value, standard_error, low: value - standard_error, high: value + standard_error, slow_closure: true }
+/// Whether the rise at a station lasts until a wave of this speed has returned from the supply.
+fn outlasts_return(station: &Station, speed_m_s: f64) -> bool {
+    let return_s = 2.0 * station.place_m / speed_m_s;
+    station.front.as_ref().is_ok_and(|front| front.rise * station.coarse.step_s > SLOW * return_s)
 }
 
 /// Delays between equal levels of the rise and the fall, at a quarter and at half of the front.
@@ -121,11 +123,12 @@ fn equal_levels(station: &Station, front: &Front, valve_m: f64, found: &Delay) -
         .collect()
 }
 
-/// From the front's arrival at two sensors: the one nearest to the valve paired with each other one.
-pub(crate) fn arrival(stations: &[&Station], smear: f64) -> Option<Estimate> {
+/// From the front's arrival at two sensors: the one nearest to the valve paired with each other one. A front that is still rising when a wave of
+/// `speed_m_s` has come back from the supply has another shape at each sensor, and no delay.
+pub(crate) fn arrival(stations: &[&Station], smear: f64, speed_m_s: Option<f64>) -> Option<Estimate> {
     let (first, others) = stations.split_first()?;
     let mut estimates = Vec::new();
-    for other in others {
+    for other in others.iter().filter(|other| speed_m_s.is_none_or(|a| !outlasts_return(other, a))) {
         let distance = first.place_m - other.place_m;
         let Some(later) = front_delay(first, other) else { continue };
         if distance > 0.0 && later.value > 0.5 * first.coarse.step_s {

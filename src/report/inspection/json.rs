@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use crate::recording::Recording;
 use crate::signal::doubts::doubts;
-use crate::signal::{Estimate, Features, SensorFeatures};
+use crate::signal::{Crossings, Estimate, Features, SensorFeatures};
 
 fn estimate(e: Estimate) -> Value {
     json!({ "value": e.value, "standard_error": e.standard_error })
@@ -12,9 +12,12 @@ fn estimate(e: Estimate) -> Value {
 
 /// What a recording shows.
 pub fn document(recording: &Recording, f: &Features) -> Value {
-    let crossings = f.wave_speed.crossings.map(|c| {
-        json!({ "value": c.value, "standard_error": c.standard_error, "low": c.low, "high": c.high,
-                "slow_closure": c.slow_closure })
+    let crossings = f.wave_speed.crossings;
+    let found = |value: fn(Crossings) -> f64| crossings.map(value);
+    // a slow closure's front carries no number, but it says that it is slow
+    let crossings = (crossings.is_some() || f.closure.slow).then(|| {
+        json!({ "value": found(|c| c.value), "standard_error": found(|c| c.standard_error), "low": found(|c| c.low),
+                "high": found(|c| c.high), "slow_closure": f.closure.slow })
     });
     json!({
         "notes": recording.run.notes.iter().map(|(k, v)| json!({ "key": k, "value": v })).collect::<Vec<_>>(),
@@ -23,6 +26,7 @@ pub fn document(recording: &Recording, f: &Features) -> Value {
             "start_s": f.closure.start_s,
             "start_standard_error_s": f.closure.start_se_s,
             "end_s": f.closure.end_s,
+            "slow": f.closure.slow,
             "from_trigger": f.closure.from_trigger,
             "pressure_onset_s": f.closure.pressure_onset_s,
         },
@@ -34,6 +38,7 @@ pub fn document(recording: &Recording, f: &Features) -> Value {
             "joukowsky": f.wave_speed.joukowsky.map(estimate),
             "crossings": crossings,
             "arrival": f.wave_speed.arrival.map(estimate),
+            "period": f.wave_speed.period.map(estimate),
         },
         "reference_sensor": f.sensors.get(f.reference).map(|s| &s.name),
         "doubts": doubts(&recording.rig, f),

@@ -29,24 +29,27 @@ pub fn table(recording: &Recording, f: &Features) -> String {
         // the end is read from the same record, no better than the start
         format!("{} s, after {} s", to_error(end, c.start_se_s), to_error(end - c.start_s, c.start_se_s))
     });
-    line("closure ends", ends.unwrap_or("not visible: slower than 2L/a".into()));
+    let slow = if c.slow { ", slower than 2L/a" } else { "" };
+    line("closure ends", format!("{}{slow}", ends.unwrap_or("not visible".into())));
     line("velocity before", shown(f.steady_velocity_m_s, "m/s"));
     line("period", shown(f.period, "s"));
     let damping: Vec<String> = f.damping_per_cycle.iter().take(5).map(|d| format!("{d:.3}")).collect();
     line("damping per cycle", if damping.is_empty() { "not visible".into() } else { damping.join("  ") });
     let w = &f.wave_speed;
+    let not_carried = || if c.slow { "not carried: the closure is slower than 2L/a" } else { "not visible" }.to_owned();
+    let carried = |e: Option<Estimate>| e.map_or_else(not_carried, |e| shown(Some(e), "m/s"));
     let crossings = w.crossings.map(|c| {
-        let note = if c.slow_closure { ", closure slower than 2L/a" } else { "" };
         format!(
-            "{} m/s (range {} to {}{note})",
+            "{} m/s (range {} to {})",
             plus_minus(c.value, c.standard_error),
             to_error(c.low, c.standard_error),
             to_error(c.high, c.standard_error)
         )
     });
-    line("wave speed, crossings", crossings.unwrap_or("not visible".into()));
-    line("  two sensors", shown(w.arrival, "m/s"));
-    line("  Joukowsky", shown(w.joukowsky, "m/s"));
+    line("wave speed, crossings", crossings.unwrap_or_else(not_carried));
+    line("  two sensors", if f.sensors.len() > 1 { carried(w.arrival) } else { shown(None, "m/s") });
+    line("  Joukowsky", if f.steady_velocity_m_s.is_some() { carried(w.joukowsky) } else { shown(None, "m/s") });
+    line("  period, 4L/T", shown(w.period, "m/s"));
     let _ = writeln!(
         out,
         "\n{:<10} {:>8} {:>7} {:>5} {:>12} {:>12} {:>12} {:>10} {:>8} {:>9}",

@@ -55,7 +55,10 @@ pub fn prepare(file: &str, rig: &Rig, recording: &Recording, features: &Features
     let speed = measured_speed.unwrap_or(mean_speed);
     let velocity_m_s = match features.steady_velocity_m_s {
         Some(v) if v.value > 0.0 => (v.value, (v.standard_error / v.value).hypot(flow_uncertainty(rig, v.value))),
-        _ => (GRAVITY_M_S2 * rise_m / speed, JOUKOWSKY_UNCERTAINTY),
+        _ => {
+            let by_rise = GRAVITY_M_S2 * rise_m / speed;
+            (impulse_velocity(recording, features).unwrap_or(by_rise), JOUKOWSKY_UNCERTAINTY)
+        }
     };
     let flow_m3_s = velocity_m_s.0 * rig.pipes.last().map_or(0.0, |p| p.area_m2());
     RunData {
@@ -71,24 +74,35 @@ pub fn prepare(file: &str, rig: &Rig, recording: &Recording, features: &Features
             velocity_m_s,
             valve_head_m: valve_head(rig, features, &water, velocity_m_s.0, rise_m),
             wave_speed_ratio: measured_speed.map(|a| a / mean_speed),
-            closing_time_s: contradicted_closing_time(rig, features, 2.0 * rig.length_m() / speed),
+            closing_time_s: contradicted_closing_time(rig, features),
         },
         meter: flow_meter(rig, features, velocity_m_s),
         extrema,
     }
 }
 
-/// The closing time that the first rise shows, where the rig file's is far from it; a rise that lasts until the supply's echo, after `echo_s`,
-/// takes at least that long.
-fn contradicted_closing_time(rig: &Rig, features: &Features, echo_s: f64) -> Option<f64> {
+/// The velocity that a slow closure stops, m/s, from the impulse of the head that it takes: `V = g/x ∫(H - H_after + h) dt` for the water between the
+/// supply and the sensor at `x`. The friction loss `h`, at first what the head lacks of that after the closure, goes with the square of a velocity
+/// that falls evenly.
+fn impulse_velocity(recording: &Recording, features: &Features) -> Option<f64> {
+    let (closure, sensor) = (&features.closure, features.sensors.get(features.reference)?);
+    let end_s = closure.end_s.filter(|_| closure.slow)?;
+    let after_m = sensor.steady_after_m?.value;
+    let (time_s, head_m) = heads(recording, sensor.sensor, features.temperature_degc);
+    let closing = time_s.partition_point(|t| *t < closure.pressure_onset_s)..time_s.partition_point(|t| *t <= end_s);
+    let above = |i: usize| head_m[i] - after_m;
+    let steps = closing.clone().zip(closing.clone().skip(1));
+    let impulse: f64 = steps.map(|(i, k)| 0.5 * (above(i) + above(k)) * (time_s[k] - time_s[i])).sum();
+    let loss = (after_m - sensor.steady_before_m.value) * (end_s - closure.pressure_onset_s) / 3.0;
+    Some(GRAVITY_M_S2 * (impulse + loss) / sensor.position_m).filter(|v| *v > 0.0 && v.is_finite())
+}
+
+/// The closing time that the pressures show, where the rig file's is far from it.
+fn contradicted_closing_time(rig: &Rig, features: &Features) -> Option<f64> {
     let (nominal_s, closure) = (rig.valve.closing_time_s, &features.closure);
-    match closure.end_s.map(|end_s| end_s - closure.pressure_onset_s) {
-        Some(seen_s) => {
-            let agree = (seen_s / CLOSING_TIME_FACTOR..=seen_s * CLOSING_TIME_FACTOR).contains(&nominal_s);
-            (seen_s > 0.0 && !agree).then_some(seen_s)
-        }
-        None => (nominal_s < echo_s / CLOSING_TIME_FACTOR).then_some(echo_s),
-    }
+    let seen_s = closure.end_s? - closure.pressure_onset_s;
+    let agree = (seen_s / CLOSING_TIME_FACTOR..=seen_s * CLOSING_TIME_FACTOR).contains(&nominal_s);
+    (seen_s > 0.0 && !agree).then_some(seen_s)
 }
 
 /// Leaves out and counts the samples at which a pressure sensor is at the end of its range. An end below the vapour pressure does not count: the

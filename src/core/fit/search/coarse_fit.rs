@@ -38,7 +38,10 @@ pub(crate) fn coarse_fit(
     if let Some((small, state)) = smaller {
         candidates.extend(starts_from(model, small, state, &base));
     }
-    best_of(ctx, model, &candidates)
+    let found = best_of(ctx, model, &candidates)?;
+    // The first cycles may lead away from a start that follows the whole record better.
+    let start = attempt(ctx, model, &[], &base, f64::INFINITY, EVALUATE_ONLY)?;
+    if start.cost < found.cost { best_of(ctx, model, &[base, found.values]) } else { Ok(found) }
 }
 
 /// Fits a model on a coarse grid from the signals, and where that leaves it poor, from each smaller model that it contains: a model that contains another
