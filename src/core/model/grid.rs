@@ -94,6 +94,17 @@ impl Segment {
     }
 }
 
+/// Where a probe reads.
+#[derive(Debug, Clone)]
+pub struct Stencil {
+    /// Index of its segment.
+    pub segment: usize,
+    /// Up to four nodes with their weights, which add up to 1.
+    pub weights: Vec<(usize, f64)>,
+    /// The two nodes between which it lies; twice the same where it stands on a node.
+    pub around: [usize; 2],
+}
+
 /// The whole line from supply to valve.
 #[derive(Debug, Clone)]
 pub struct Grid {
@@ -234,21 +245,22 @@ impl Grid {
         self.segments.last().map_or(0, |s| s.offset + s.reaches + 1)
     }
 
-    /// The segment of a position, and weights of up to four of its nodes around it for cubic interpolation.
-    pub fn stencil(&self, position_m: f64) -> (usize, Vec<(usize, f64)>) {
-        let at = self
+    /// The nodes around a position, for cubic interpolation.
+    pub fn stencil(&self, position_m: f64) -> Stencil {
+        let segment = self
             .segments
             .iter()
             .position(|s| position_m <= s.start_m + s.reach_m * s.reaches as f64)
             .unwrap_or(self.segments.len() - 1);
-        let segment = &self.segments[at];
-        let x = ((position_m - segment.start_m) / segment.reach_m).clamp(0.0, segment.reaches as f64);
+        let Segment { offset, reaches, start_m, reach_m, .. } = self.segments[segment];
+        let x = ((position_m - start_m) / reach_m).clamp(0.0, reaches as f64);
         let nearest = x.round();
         if (x - nearest).abs() < 1e-9 {
-            return (at, vec![(segment.offset + nearest as usize, 1.0)]);
+            let node = offset + nearest as usize;
+            return Stencil { segment, weights: vec![(node, 1.0)], around: [node; 2] };
         }
-        let points = (segment.reaches + 1).min(4);
-        let first = (x.floor() as isize - (points as isize - 2) / 2).clamp(0, (segment.reaches + 1 - points) as isize);
+        let points = (reaches + 1).min(4);
+        let first = (x.floor() as isize - (points as isize - 2) / 2).clamp(0, (reaches + 1 - points) as isize);
         let first = first as usize;
         let weights = (first..first + points)
             .map(|i| {
@@ -256,10 +268,11 @@ impl Grid {
                     .filter(|&j| j != i)
                     .map(|j| (x - j as f64) / (i as f64 - j as f64))
                     .product::<f64>();
-                (segment.offset + i, weight)
+                (offset + i, weight)
             })
             .collect();
-        (at, weights)
+        let before = offset + x as usize;
+        Stencil { segment, weights, around: [before, before + 1] }
     }
 }
 
@@ -398,7 +411,7 @@ mod tests {
         let grid = Grid::new(&[Stretch::plain(100.0, 1000.0)], 25).unwrap();
         let f = |x: f64| 1.0 + 0.3 * x - 0.02 * x * x + 1e-4 * x.powi(3);
         for position in [0.0, 1.3, 4.0, 51.7, 98.9, 100.0] {
-            let value: f64 = grid.stencil(position).1.iter().map(|&(i, w)| w * f(4.0 * i as f64)).sum();
+            let value: f64 = grid.stencil(position).weights.iter().map(|&(i, w)| w * f(4.0 * i as f64)).sum();
             assert!((value - f(position)).abs() < 1e-9, "{position}: {value}");
         }
     }
