@@ -46,7 +46,7 @@ struct StartModel<'a> {
     effects: Vec<String>,
     rmse_m: f64,
     noise_m: f64,
-    /// Held to what the instruments say: a free fit leaves less.
+    /// The search began at a fit that keeps to what the instruments say.
     held: bool,
     held_out_m: Option<f64>,
     parameters: Vec<Parameter>,
@@ -107,7 +107,7 @@ fn document(diagnosis: &Diagnosis) -> Document<'_> {
             effects: diagnosis.start.labels(),
             rmse_m,
             noise_m,
-            held: diagnosis.start_is_held(),
+            held: diagnosis.is_held,
             held_out_m: diagnosis.held_out_m,
             parameters: diagnosis.start.parameters.iter().map(Parameter::from).collect(),
         },
@@ -162,12 +162,7 @@ const SHOWN: usize = 5;
 pub fn text(diagnosis: &Diagnosis) -> String {
     let (rmse_m, noise_m) = diagnosis.start.pooled();
     let model = name_of(&diagnosis.start.effects);
-    let held = if diagnosis.start_is_held() {
-        " (kept close to what the instruments read; a free fit leaves less error, but contradicts them)"
-    } else {
-        ""
-    };
-    let mut out = format!("{model}: RMSE {} m, noise {} m{held}\n", error_m(rmse_m), error_m(noise_m));
+    let mut out = format!("{model}: RMSE {} m, noise {} m\n", error_m(rmse_m), error_m(noise_m));
     for sentence in &diagnosis.residual_patterns {
         let _ = writeln!(out, "  {sentence}");
     }
@@ -187,7 +182,7 @@ pub fn text(diagnosis: &Diagnosis) -> String {
             let nearest = nearest
                 .map_or(String::new(), |c| format!("; the nearest, {}, leaves {} m", c.effect, error_m(c.rmse_m)));
             let p = probability(diagnosis.probability);
-            let check = match diagnosis.start_is_held() {
+            let check = match diagnosis.start_is_far() {
                 true => "\nCheck the rig file first: a wrong length, wall, bore or place of a sensor looks alike.",
                 false => "",
             };
