@@ -14,7 +14,7 @@ use crate::model::effects::Chosen;
 use crate::report::advice::{Advice, quoted};
 use crate::report::page::html;
 use crate::report::text::number::probability;
-use crate::report::{Page, Stage};
+use crate::report::{Page, Stage, page_title};
 use crate::results::fit_file::Form;
 use crate::results::fit_record::{FitRecord, now};
 use crate::results::history::content::identity;
@@ -201,7 +201,7 @@ fn found(
     write_fit(&path.with_extension("fit.toml"), &fit)?;
     let fits: Vec<&Fit> = std::iter::once(&diagnosis.start).chain(diagnosis.answer()).collect();
     let page = Page {
-        title: format!("{} on rig {}", run.file.shown(), rig.name),
+        title: page_title(&[&run.file.shown()], &rig),
         stages: fits.iter().map(|fit| Stage::of(fit)).collect(),
         energy: fits.last().and_then(|fit| energy_of(&rig, &data, fit, 0).ok().flatten()),
         diagnoses: std::slice::from_ref(&diagnosis),
