@@ -88,13 +88,21 @@ struct Rival<'a> {
 ///
 /// # Errors
 /// None in practice: all values can be written.
-pub fn json(diagnoses: &[Diagnosis], faults: &[SensorFault]) -> serde_json::Result<String> {
+pub fn value(diagnoses: &[Diagnosis], faults: &[SensorFault]) -> serde_json::Result<serde_json::Value> {
     let mut last = serde_json::to_value(diagnoses.last().map(document))?;
     last["sensor_faults"] = serde_json::to_value(faults)?;
     if diagnoses.len() > 1 {
         last["steps"] = serde_json::to_value(diagnoses.iter().map(document).collect::<Vec<_>>())?;
     }
-    serde_json::to_string_pretty(&last)
+    Ok(last)
+}
+
+/// The same as text.
+///
+/// # Errors
+/// None in practice: all values can be written.
+pub fn json(diagnoses: &[Diagnosis], faults: &[SensorFault]) -> serde_json::Result<String> {
+    serde_json::to_string_pretty(&value(diagnoses, faults)?)
 }
 
 fn document(diagnosis: &Diagnosis) -> Document<'_> {
