@@ -6,7 +6,7 @@ use crate::model::grid::{Segment, Stencil};
 use crate::model::kernel;
 use crate::model::kernel::Terms;
 use crate::model::steady::Steady;
-use crate::model::trace::{Probe, Trace, between};
+use crate::model::trace::{Probe, Trace};
 
 /// State of the line: waves, head deviations and scaled flows `u = B Q` at all nodes, segment after segment.
 pub(crate) struct State {
@@ -93,55 +93,39 @@ impl State {
     /// Appends what each probe reads now.
     #[inline]
     pub(crate) fn read(&self, traces: &mut [Trace], readings: &[Reading]) {
-        for (trace, reading) in traces.iter_mut().zip(readings) {
-            trace.values.push(match reading.flow_by_u {
-                None if self.elastic => reading.weigh(|node| 0.5 * (self.fwd[node] + self.bwd[node])),
-                None => reading.weigh(|node| self.h[node]),
-                Some(by_u) => by_u * reading.weigh(|node| self.u[node]),
+        for (trace, Reading { stencil, of }) in traces.iter_mut().zip(readings) {
+            trace.values.push(match of {
+                Quantity::Head(steady_m) if self.elastic => {
+                    stencil.read(|node| steady_m[node] + 0.5 * (self.fwd[node] + self.bwd[node]))
+                }
+                Quantity::Head(steady_m) => stencil.read(|node| steady_m[node] + self.h[node]),
+                Quantity::Flow { by_u } => by_u * stencil.read(|node| self.u[node]),
             });
         }
     }
 }
 
-/// A node that a probe reads.
-#[derive(Clone, Copy)]
-struct Read {
-    node: usize,
-    weight: f64,
-    /// What the state's value there is counted from: the steady head, or no flow.
-    base: f64,
-}
-
 /// A probe on the grid.
-pub(crate) struct Reading {
-    stencil: Vec<Read>,
-    /// The two of them between which the probe lies.
-    around: [Read; 2],
-    /// `1/B` where the flow is read.
-    flow_by_u: Option<f64>,
+pub(crate) struct Reading<'a> {
+    stencil: Stencil,
+    of: Quantity<'a>,
 }
 
-impl Reading {
-    pub(crate) fn new(probe: Probe, steady: &Steady) -> Reading {
-        let Stencil { segment, weights, around } = steady.grid.stencil(probe.position_m());
-        let flow_by_u = matches!(probe, Probe::Flow(_)).then(|| 1.0 / steady.grid.segments[segment].impedance);
-        let base = |node: usize| if flow_by_u.is_some() { 0.0 } else { steady.head_m[node] };
-        let read = |node: usize, weight: f64| Read { node, weight, base: base(node) };
-        Reading {
-            stencil: weights.into_iter().map(|(node, weight)| read(node, weight)).collect(),
-            around: around.map(|node| read(node, 1.0)),
-            flow_by_u,
-        }
-    }
+/// What it reads.
+enum Quantity<'a> {
+    /// Heads, which the state counts from those of the steady flow.
+    Head(&'a [f64]),
+    /// Flow, `1/B` times the state's.
+    Flow { by_u: f64 },
+}
 
-    /// What the stencil makes of the values at its nodes, within the range of the two around the probe: a front that passes does not overshoot.
-    #[inline]
-    fn weigh(&self, of: impl Fn(usize) -> f64) -> f64 {
-        let value = |read: &Read| read.base + of(read.node);
-        if let [one] = &self.stencil[..] {
-            return value(one);
-        }
-        let sum = self.stencil.iter().map(|read| read.weight * value(read)).sum();
-        between(sum, value(&self.around[0]), value(&self.around[1]))
+impl<'a> Reading<'a> {
+    pub(crate) fn new(probe: Probe, steady: &'a Steady) -> Reading<'a> {
+        let stencil = steady.grid.stencil(probe.position_m());
+        let of = match probe {
+            Probe::Head(_) => Quantity::Head(&steady.head_m),
+            Probe::Flow(_) => Quantity::Flow { by_u: 1.0 / steady.grid.segments[stencil.segment].impedance },
+        };
+        Reading { stencil, of }
     }
 }

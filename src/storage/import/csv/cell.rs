@@ -62,7 +62,8 @@ pub(crate) fn with_unit(cell: &str) -> Option<(f64, &str)> {
 
 /// A date, a time of day or both, whichever of day and month stands first.
 pub(crate) fn stamp_of(cell: &str) -> Option<Stamp> {
-    let has_digit = cell.starts_with(|c: char| c.is_ascii_digit()) || (cell.contains(' ') && cell.contains(|c: char| c.is_ascii_digit()));
+    let has_digit = cell.starts_with(|c: char| c.is_ascii_digit())
+        || (cell.contains(' ') && cell.contains(|c: char| c.is_ascii_digit()));
     let read = |order| Stamp::parse(cell, order).filter(|_| has_digit);
     read(Order::DayFirst).or_else(|| read(Order::MonthFirst))
 }

@@ -63,7 +63,12 @@ impl<'t> Rows<'_, 't> {
     ///
     /// # Errors
     /// The line, and what is wrong in it.
-    pub(crate) fn read(mut self, timed: &mut [Timed], numbers: &mut Numbers, spellings: &mut Spellings) -> Result<Vec<Repair>, CsvFault> {
+    pub(crate) fn read(
+        mut self,
+        timed: &mut [Timed],
+        numbers: &mut Numbers,
+        spellings: &mut Spellings,
+    ) -> Result<Vec<Repair>, CsvFault> {
         let mut repairs = Vec::new();
         let mut left = Left::default();
         let mut row = Row::default();
@@ -77,7 +82,12 @@ impl<'t> Rows<'_, 't> {
                 continue;
             }
             row.read(line.text, self.layout.separator);
-            self.layout.columns.iter().enumerate().filter_map(|(i, c)| Some((i, c.suffix.as_ref()?))).for_each(|(i, unit)| row.take_suffix(i, unit));
+            self.layout
+                .columns
+                .iter()
+                .enumerate()
+                .filter_map(|(i, c)| Some((i, c.suffix.as_ref()?)))
+                .for_each(|(i, unit)| row.take_suffix(i, unit));
             if self.is_remark(&row, timed) {
                 left.remarks.push(line.at);
                 continue;
@@ -87,13 +97,17 @@ impl<'t> Rows<'_, 't> {
                 let is_last = i + 1 == rows.len();
                 let is_first = timed.iter().all(|t| t.table.time_s.is_empty());
                 if !is_last || is_first || found > self.layout.expected {
-                    return Err((Some(line.at), Box::new(CsvProblem::Ragged { found, expected: self.layout.expected })));
+                    return Err((
+                        Some(line.at),
+                        Box::new(CsvProblem::Ragged { found, expected: self.layout.expected }),
+                    ));
                 }
                 self.cut = Some(line.at);
                 break;
             }
             for timed in &mut *timed {
-                self.take(timed, &row, line.at, numbers, spellings).map_err(|problem| (Some(line.at), Box::new(problem)))?;
+                self.take(timed, &row, line.at, numbers, spellings)
+                    .map_err(|problem| (Some(line.at), Box::new(problem)))?;
             }
         }
         if let Some(line) = self.cut {
@@ -105,7 +119,14 @@ impl<'t> Rows<'_, 't> {
     }
 
     /// Reads what a clock gives the time of.
-    fn take(&self, timed: &mut Timed, row: &Row<'t>, line: usize, numbers: &mut Numbers, spellings: &mut Spellings) -> Result<(), CsvProblem> {
+    fn take(
+        &self,
+        timed: &mut Timed,
+        row: &Row<'t>,
+        line: usize,
+        numbers: &mut Numbers,
+        spellings: &mut Spellings,
+    ) -> Result<(), CsvProblem> {
         let columns = &self.layout.columns;
         let holds = |i: &usize| row.get(*i).is_some_and(|c| !c.is_empty());
         let is_timeless = timed.clock.is_timeless(row, is_no_time);
@@ -163,7 +184,12 @@ impl Left {
             Some(Repair::new(what, lines.len(), Some(first), counted(lines.len(), one, several)))
         };
         let again = of("headings-again", &self.headings, "line repeats the headings", "lines repeat the headings");
-        let remarks = of("remarks", &self.remarks, "line among or under the rows is a remark or a sum", "lines among or under the rows are remarks or sums");
+        let remarks = of(
+            "remarks",
+            &self.remarks,
+            "line among or under the rows is a remark or a sum",
+            "lines among or under the rows are remarks or sums",
+        );
         again.into_iter().chain(remarks).collect()
     }
 }
