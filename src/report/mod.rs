@@ -67,6 +67,12 @@ pub fn title(effects: &[Chosen]) -> String {
     }
 }
 
+/// The title of a page on recordings of a rig: `mine.mcap on hdpe-creep`. A rig that is called nothing but rig says no more than its recordings.
+pub fn page_title(files: &[&str], rig: &Rig) -> String {
+    let files = files.join(", ");
+    if rig.name.eq_ignore_ascii_case("rig") { files } else { format!("{files} on {}", rig.name) }
+}
+
 /// A curve from elsewhere, drawn over the measurement of one sensor: a digitised figure, another program's result.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Overlay {

@@ -8,18 +8,16 @@ use crate::report::text::number::{error_m, grouped, significant, times, with_err
 use crate::results::model_file::{Entry, ModelFile};
 use crate::shown::Shown as _;
 
+/// What `--json` prints of a file of models.
 #[derive(Serialize)]
-struct Document<'a> {
+pub struct Document<'a> {
     in_force: usize,
     models: &'a [Entry],
 }
 
 /// The JSON document.
-///
-/// # Errors
-/// None in practice: all values can be written.
-pub fn json(file: &ModelFile) -> serde_json::Result<String> {
-    serde_json::to_string_pretty(&Document { in_force: file.in_force, models: &file.models })
+pub fn document(file: &ModelFile) -> Document<'_> {
+    Document { in_force: file.in_force, models: &file.models }
 }
 
 /// The models, one a line, the one in force marked, then its parameters.

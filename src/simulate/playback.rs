@@ -24,14 +24,14 @@ pub struct Timing {
 const NOISE_SHARE: f64 = 1e-4;
 /// Most values that a device may be given to play: what they take in memory is counted in GiB.
 pub(crate) const MOST_VALUES: f64 = 2e8;
-/// The noise is the same at every run: a demonstration should be one that can be repeated.
-const NOISE_SEED: u64 = 1;
+/// Seed of the noise where none is given: a demonstration should be one that can be repeated.
+pub const USUAL_SEED: u64 = 1;
 
-/// Plays a model run on a device: pressures with a little noise, flow, temperature, valve position and trigger.
+/// Plays a model run on a device: pressures with a little noise of this `seed`, flow, temperature, valve position and trigger.
 ///
 /// # Errors
 /// A model that cannot be simulated, a sensor the device cannot carry.
-pub fn of_scenario(scenario: &Scenario, device: &Device, timing: &Timing) -> Result<Playback, AnyError> {
+pub fn of_scenario(scenario: &Scenario, device: &Device, timing: &Timing, seed: u64) -> Result<Playback, AnyError> {
     let rig = &scenario.rig;
     let period_ns = (1e9 / timing.rate_hz).round();
     let samples = ((timing.lead_s + timing.after_s) * timing.rate_hz).floor() + 1.0;
@@ -40,7 +40,7 @@ pub fn of_scenario(scenario: &Scenario, device: &Device, timing: &Timing) -> Res
     let times: Vec<f64> = (0..samples).map(|i| i as f64 * period_ns * 1e-9 - timing.lead_s).collect();
     let wired: Vec<usize> = wired(rig, device).map(|(i, _)| i).collect();
     let rows = sampled(scenario, &scenario.simulate(timing.after_s)?, &wired, &times, timing.after_s)?;
-    let mut noise = Gauss(fastrand::Rng::with_seed(NOISE_SEED));
+    let mut noise = Gauss(fastrand::Rng::with_seed(seed));
     let at_rest = times.iter().position(|&t| t >= 0.0).unwrap_or(0);
     let mut sensors = Vec::new();
     for (index, mut values) in wired.into_iter().zip(rows) {

@@ -160,17 +160,20 @@ impl Scenario {
         shared.chain(model.per_run.iter().zip(run).map(|(p, v)| named(p, v))).collect()
     }
 
-    /// Values that were used without being set: parameters, friction factors at the initial flow and the grid.
+    /// Values that were used without being set: parameters, friction factors at the initial flow, with `friction_scale` in them, and the grid.
     pub fn not_set(&self, settings: &[(String, f64)]) -> Vec<(String, f64)> {
         let set = |name: &str| {
             let group = name.split('[').next().unwrap_or(name);
             settings.iter().any(|(n, _)| n == name || n == group)
         };
         let mut used = self.values();
+        used.retain(|(name, _)| name != "friction_scale");
         let flow_m3_s = self.run.initial_velocity_m_s * self.rig.pipes[self.rig.pipes.len() - 1].area_m2();
         for pipe in &self.rig.pipes {
             let velocity = flow_m3_s / pipe.area_m2();
-            let slope = WallFriction::of(pipe, &self.water, flow_m3_s).slope(pipe.inner_diameter_m, flow_m3_s);
+            let slope = WallFriction::of(pipe, &self.water, flow_m3_s)
+                .scaled(self.run.friction_scale)
+                .slope(pipe.inner_diameter_m, flow_m3_s);
             let factor = slope * 2.0 * GRAVITY_M_S2 * pipe.inner_diameter_m / (velocity * velocity);
             let several = if self.rig.pipes.len() > 1 { format!("[{}]", pipe.name) } else { String::new() };
             used.push((format!("friction_factor{several}"), factor));

@@ -9,7 +9,7 @@ use crate::record::health::snapshot::Snapshot;
 use crate::record::session::live_test::{Options, live_devices, record};
 use crate::record::session::output::Summary;
 use crate::rig::{Device, Rig};
-use crate::simulate::playback::{Timing, of_scenario};
+use crate::simulate::playback::{Timing, USUAL_SEED, of_scenario};
 use crate::simulate::scenario::Scenario;
 use crate::simulate::wiring::wired;
 
@@ -32,7 +32,7 @@ pub fn record_scenario(
     let scenario = scenario.on(rig.clone());
     let mut played = Vec::new();
     for device in live_devices(rig, &[])? {
-        let playback = of_scenario(&scenario, &device, timing)?;
+        let playback = of_scenario(&scenario, &device, timing, USUAL_SEED)?;
         played.push((device, playback));
     }
     clipped(rig, &played).iter().for_each(|warning| warn(warning));

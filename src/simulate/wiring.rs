@@ -1,7 +1,7 @@
 //! Wiring for a rig that has none, so that a test can be simulated on it as if it were recorded live.
 
 use crate::rig::{Device, Framing, Protocol, Rig, Wiring};
-use crate::simulate::playback::{Timing, of_scenario};
+use crate::simulate::playback::{Timing, USUAL_SEED, of_scenario};
 use crate::simulate::scenario::Scenario;
 
 /// Room above and below what a sensor without a range will show, as a share of it.
@@ -31,7 +31,7 @@ pub fn wired(scenario: &Scenario, timing: &Timing) -> Result<Rig, Box<dyn std::e
         sensor.wiring = Some(Wiring { device: DEVICE.into(), channel, scale: 1.0, offset: 0.0, register: None });
     }
     rig.devices.push(device.clone());
-    let playback = of_scenario(&scenario.on(rig.clone()), &device, timing)?;
+    let playback = of_scenario(&scenario.on(rig.clone()), &device, timing, USUAL_SEED)?;
     for (index, values) in playback.sensors {
         let sensor = &mut rig.sensors[index];
         let [low, high] = sensor.range.unwrap_or_else(|| around(&values));

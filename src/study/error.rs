@@ -64,6 +64,8 @@ pub enum Error {
         "the model was fitted to another pipeline than these recordings ({0}): its wave speed and creep do not carry over"
     )]
     OtherPipeline(String),
+    #[error("the recordings that {} was fitted to cannot be read, so nobody knows whether its pipeline is this one", .0.shown())]
+    UnknownPipeline(PathBuf),
     #[error("{name} is the model's, not the run's: to change it, edit {}", file.shown())]
     NotOfARun { name: String, file: PathBuf },
     #[error("the models cannot be written to {}: {why}", file.shown())]

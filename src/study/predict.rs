@@ -34,14 +34,14 @@ pub struct Question<'a> {
     pub recordings: &'a [PathBuf],
     /// Values of the runs that are known better than from their signals.
     pub hold: &'a [(String, f64)],
-    /// Predict although pipes, supply or fluid differ from the model's.
+    /// Predict although pipes, supply or fluid differ from the model's, or are not known.
     pub other_pipeline: bool,
 }
 
 /// What the model in force in a file predicts of a study's recordings.
 ///
 /// # Errors
-/// A model that cannot be read, another pipeline than the model's, a value that is none of a run's.
+/// A model that cannot be read, another pipeline than the model's or one that cannot be compared with it, a value that is none of a run's.
 pub fn predicted(study: &Study, asked: &Question) -> Result<Predicted> {
     let file = models::load(asked.model)?;
     let known = file.current().known();
@@ -69,10 +69,11 @@ fn origin(study: &Study, asked: &Question, file: &ModelFile) -> Result<Vec<Strin
     let own_rig = file.rig.as_ref().map(|r| folder.join(r));
     let first = sources.first().and_then(|s| load(std::slice::from_ref(s), own_rig.as_deref(), &[]).ok());
     let Some(first) = first.as_ref().and_then(|loaded| loaded.first()) else {
-        warnings.push(format!(
-            "the recordings that {} was fitted to cannot be read, so their rig cannot be compared with this one",
-            asked.model.shown()
-        ));
+        let unknown = Error::UnknownPipeline(asked.model.to_owned());
+        if !asked.other_pipeline {
+            return Err(unknown);
+        }
+        warnings.push(unknown.to_string());
         return Ok(warnings);
     };
     let found = differences(&first.recording.rig, study.rig());

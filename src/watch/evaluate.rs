@@ -8,13 +8,13 @@ use crate::diagnose::{Diagnosis, Verdict, diagnose};
 use crate::fit::outcome::fit::Fit;
 use crate::fit::progress::Progress;
 use crate::fit::search::options::Options;
-use crate::fit::validate::conflict::{at_bounds, conflicts};
+use crate::fit::validate::conflict::conflicts;
 use crate::fit::validate::energy::energy_of;
 use crate::model::effects::Chosen;
 use crate::report::advice::{Advice, quoted};
 use crate::report::page::html;
 use crate::report::text::number::probability;
-use crate::report::{Page, Stage};
+use crate::report::{Page, Stage, page_title};
 use crate::results::fit_file::Form;
 use crate::results::fit_record::{FitRecord, now};
 use crate::results::history::content::identity;
@@ -184,9 +184,8 @@ fn found(
 
     let contradictions = conflicts(&diagnosis.start, &data);
     let named = format!("{}: ", run.file.shown());
-    let mut warnings: Vec<String> = loaded.doubts.clone();
-    warnings.extend(diagnosis.warnings.iter().chain(&contradictions).cloned().chain(at_bounds(&diagnosis.start)));
-    let warnings: BTreeSet<&str> = warnings.iter().map(|w| w.strip_prefix(&named).unwrap_or(w)).collect();
+    let warnings = loaded.doubts.iter().chain(&diagnosis.warnings);
+    let warnings: BTreeSet<&str> = warnings.map(|w| w.strip_prefix(&named).unwrap_or(w)).collect();
     warnings.into_iter().for_each(|warning| notice(Notice::Warning(format!("{named}{warning}"))));
     let mut finding = verdict::finding(&diagnosis, features.temperature_degc, features.flow_m3_s.map(|q| q.value));
     let earlier: Vec<Run> = index.runs(&rig.name)?.into_iter().filter(|r| r.id != run.id).collect();
@@ -202,7 +201,7 @@ fn found(
     write_fit(&path.with_extension("fit.toml"), &fit)?;
     let fits: Vec<&Fit> = std::iter::once(&diagnosis.start).chain(diagnosis.answer()).collect();
     let page = Page {
-        title: format!("{} on rig {}", run.file.shown(), rig.name),
+        title: page_title(&[&run.file.shown()], &rig),
         stages: fits.iter().map(|fit| Stage::of(fit)).collect(),
         energy: fits.last().and_then(|fit| energy_of(&rig, &data, fit, 0).ok().flatten()),
         diagnoses: std::slice::from_ref(&diagnosis),

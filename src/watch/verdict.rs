@@ -111,14 +111,18 @@ pub fn line(diagnosis: &Diagnosis, finding: &Finding, compared: &Compared, accep
     let error = format!("RMSE {} m ({})", error_m(*rmse_m), times_noise(*rmse_m, *noise_m));
     let sure = probability(*certain);
     let best = diagnosis.candidates.first();
+    let beyond = match finding.effects.as_slice() {
+        [] => "from the base model".to_owned(),
+        effects => format!("beyond {}", effects.join(", ")),
+    };
     let mut parts = match (diagnosis.verdict, best) {
-        (Verdict::NothingMissing, _) => vec!["nothing missing".to_owned(), error],
+        (Verdict::NothingMissing, _) => vec![format!("nothing missing {beyond}"), error],
         (Verdict::MissingEffect, Some(best)) => {
             let left_m = diagnosis.answer().map_or(best.rmse_m, |fit| fit.pooled().0);
             let with = format!("{error}, {} m with it", error_m(left_m));
-            vec![format!("{} missing (probability {sure})", diagnosis.answer_label()), with]
+            vec![format!("{} missing {beyond} (probability {sure})", diagnosis.answer_label()), with]
         }
-        _ => vec![format!("something is missing that no effect explains (probability {sure})"), error],
+        _ => vec![format!("something is missing {beyond} that no effect explains (probability {sure})"), error],
     };
     let speeds = finding.parameters.iter().filter(|v| v.name.starts_with("wave_speed_m_s"));
     parts.extend(speeds.map(|v| {

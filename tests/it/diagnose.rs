@@ -29,6 +29,28 @@ fn creep_is_found_and_brings_the_error_down_to_the_noise() {
     assert!(!answer["fails"].as_array().unwrap().is_empty());
 }
 
+/// The error before is the least that the smaller model leaves, and what that bends of it is no doubt of an answer that explains the record.
+#[test]
+fn an_answer_that_explains_the_record_is_not_doubted() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let (rig, table) = (at("rig.toml"), at("table.mcap"));
+    let pipe = ["--material", "copper", "--length-m", "100", "--pipe", "22x1.5", "--temperature-degC", "18", "--yes"];
+    printed(run(&[&["rig", "new", "recordings/logger.csv", "-o", text(&rig)], &pipe[..]].concat()));
+    printed(run(&["import", "recordings/logger.csv", "--rig", text(&rig), "--yes", "-o", text(&table)]));
+    for (recording, effect) in [(text(&table), "leak"), (CREEP, "viscoelastic-wall")] {
+        let answer = diagnose(&[recording]);
+        assert_eq!((&answer["verdict"], &best(&answer)["effect"]), (&"missing-effect".into(), &effect.into()));
+        let fit = done(&["calibrate", recording]);
+        let (before, free) = (&answer["start"]["rmse_m"], &fit["runs"][0]["rmse_m"]);
+        assert_eq!(before.as_f64().unwrap(), free.as_f64().unwrap(), "{recording}");
+        assert_eq!(answer["warnings"], serde_json::json!([]), "{recording}");
+    }
+    let leak = diagnose(&[text(&table)]);
+    let place_m = parameter(best(&leak), "leak_position_m")["value"].as_f64().unwrap();
+    assert!((place_m - 35.0).abs() < 0.05, "{place_m} m");
+}
+
 /// Where the number of elements is fixed too low, a leak would make up for the third one.
 #[test]
 fn elements_that_the_wall_lacks_are_missing_like_an_effect() {

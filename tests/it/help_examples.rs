@@ -1,11 +1,11 @@
 //! The examples at the end of each command's help do what they say.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
-use crate::guide::{scratch, surgescope};
+use tempfile::TempDir;
 
-/// Commands whose examples write what others read, in this order.
-const FIRST: [&str; 6] = ["demo", "record", "export", "calibrate", "creep", "watch"];
+use crate::guide::{scratch, surgescope};
 
 /// Every command, as one types it.
 fn commands(folder: &Path, command: &[&str]) -> Vec<Vec<String>> {
@@ -21,52 +21,45 @@ fn commands(folder: &Path, command: &[&str]) -> Vec<Vec<String>> {
     found
 }
 
-/// The lines below `Examples:` at the end of a command's help.
-fn examples(folder: &Path, command: &[String]) -> Vec<String> {
+/// The lines below `Examples:` at the end of a command's help, and those that it says to run first.
+fn examples(folder: &Path, command: &[String]) -> (Vec<String>, Vec<String>) {
     let words: Vec<&str> = command.iter().map(String::as_str).chain(["--help"]).collect();
     let help = String::from_utf8(surgescope(folder, &words).stdout).unwrap();
-    let (_, end) = help.split_once("\nExamples:\n").unwrap_or_else(|| panic!("{command:?} has no examples"));
-    end.lines().map(|line| line.trim().to_owned()).collect()
+    let (before, end) = help.split_once("\nExamples:\n").unwrap_or_else(|| panic!("{command:?} has no examples"));
+    let first = before.split_once("\nFirst:\n").map_or("", |(_, first)| first);
+    let lines = |text: &str| text.lines().map(|line| line.trim().to_owned()).collect();
+    (lines(end), lines(first))
 }
 
+/// Runs a line of a help.
+fn run(folder: &Path, line: &str) {
+    let words: Vec<&str> = line.split(' ').collect();
+    assert_eq!(words[0], "surgescope", "{line}");
+    let began = std::time::Instant::now();
+    let output = surgescope(folder, &words[1..]);
+    eprintln!("{:>6.1} s  {:?}  {line}", began.elapsed().as_secs_f64(), output.status.code());
+    assert!(output.status.success(), "{line}\n{}", String::from_utf8_lossy(&output.stderr));
+}
+
+/// Nothing else has been run in the folder than what the help says to run first.
 #[test]
 fn every_help_ends_with_two_examples_that_run() {
-    let folder = scratch();
-    for (name, degc, tau1_s) in [("cold", "15.0", "0.181"), ("warm", "30.0", "0.0525")] {
-        let rig = std::fs::read_to_string(folder.path().join("rigs/demo-hdpe.toml")).unwrap();
-        let rig: String = rig
-            .lines()
-            .map(|l| {
-                if l.starts_with("temperature_degC") {
-                    format!("temperature_degC = {degc}\n")
-                } else {
-                    format!("{l}\n")
-                }
-            })
-            .collect();
-        std::fs::write(folder.path().join("rig.toml"), rig).unwrap();
-        let test = format!(
-            "record --rig rig.toml --simulate --speed 0 --rate 200 --duration 6 --effects viscoelastic-wall:1 --set J1_per_GPa=0.12 \
-             tau1_s={tau1_s} -o {name}.mcap"
-        );
-        let output = surgescope(folder.path(), &test.split(' ').collect::<Vec<_>>());
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    }
-    let mut all = commands(folder.path(), &[]);
+    let mut folders: BTreeMap<Vec<String>, TempDir> = BTreeMap::new();
+    let ships = scratch();
+    let all = commands(ships.path(), &[]);
     assert!(all.len() > 30, "{all:?}");
-    all.sort_by_key(|c| FIRST.iter().position(|first| *first == c[0]).unwrap_or(FIRST.len()));
     for command in all {
-        let examples = examples(folder.path(), &command);
+        let (examples, first) = examples(ships.path(), &command);
         assert_eq!(examples.len(), 2, "{command:?}: {examples:?}");
+        let folder = folders.entry(first).or_insert_with_key(|first| {
+            let folder = scratch();
+            first.iter().for_each(|line| run(folder.path(), line));
+            folder
+        });
         for example in examples {
             let words: Vec<&str> = example.split(' ').collect();
-            assert_eq!(words[0], "surgescope", "{example}");
             assert_eq!(words[1..=command.len()], command[..], "{example} is of its command");
-            let began = std::time::Instant::now();
-            let output = surgescope(folder.path(), &words[1..]);
-            let said = String::from_utf8_lossy(&output.stderr).into_owned();
-            eprintln!("{:>6.1} s  {:?}  {example}", began.elapsed().as_secs_f64(), output.status.code());
-            assert!(output.status.success(), "{example}\n{said}");
+            run(folder.path(), &example);
         }
     }
 }

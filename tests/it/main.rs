@@ -38,6 +38,7 @@ mod shots_live;
 mod signals;
 mod simulate;
 mod simulated_recording;
+mod told;
 mod trust;
 mod valve;
 mod watch;

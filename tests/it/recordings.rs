@@ -375,9 +375,7 @@ fn a_time_series_replaces_only_one_like_it_unless_told_to() {
         .lines()
         .find_map(|l| l.strip_prefix("not set, defaults used: "))
         .expect("the program lists what was not set");
-    for value in
-        ["initial_velocity_m_s=1 ", "closing_time_s=0.1 ", "friction_scale=1 ", "friction_factor=0.0", "valve_head_m="]
-    {
+    for value in ["initial_velocity_m_s=1 ", "closing_time_s=0.1 ", "friction_factor=0.0", "valve_head_m="] {
         assert!(used.contains(value), "{value} is not in {used}");
     }
     assert!(!used.contains("reaches=") && !used.contains("duration_s="), "these were set: {used}");

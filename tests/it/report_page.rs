@@ -298,7 +298,11 @@ fn the_page_tells_the_story_and_needs_no_network() {
     assert!((unit["per_m"].as_f64().unwrap_or(f64::NAN) - 9.792).abs() < 0.01 && unit["zero"] == 0.0, "{unit}");
     assert!(text.contains("data-own=\"kPa\""), "the switch says which units there are");
     assert!(!text.contains("max-height: 38rem"), "no table hides rows in a box of its own");
-    assert_eq!(text.matches("<svg xmlns").count(), 6, "head and residual of each sensor without a script");
+    assert_eq!(
+        text.matches("<svg xmlns").count(),
+        9,
+        "head of each sensor, and the residual of either model, without a script"
+    );
 }
 
 #[test]

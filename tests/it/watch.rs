@@ -36,6 +36,7 @@ fn runs(folder: &Path) -> BTreeMap<String, Run> {
 fn assert_done(folder: &Path, run: &Run) {
     assert_eq!(run.state, State::Done, "{run:?}");
     let finding = run.finding.as_ref().unwrap();
+    assert!(finding.line.contains("missing beyond viscoelastic-wall:"), "the model it began with: {}", finding.line);
     let model = folder.join(&finding.model_file);
     let file = ModelFile::parse(&fs::read_to_string(&model).unwrap(), &model).unwrap();
     assert_eq!(file.recordings, [PathBuf::from(&run.file)]);

@@ -3,7 +3,7 @@
 use clap::ValueEnum;
 use indicatif::ProgressBar;
 
-use crate::cli::console::print::tell;
+use crate::cli::console::print::{tell, tell_warning};
 use crate::model::effects::{Chosen, parse_list};
 use crate::watch::evaluate::{Notice, Settings};
 use crate::watch::verdict::Accept;
@@ -44,7 +44,7 @@ impl Evaluation {
 pub fn show(bar: &ProgressBar, notice: Notice) {
     match notice {
         Notice::Progress(text) => bar.set_message(text),
-        Notice::Warning(text) => bar.suspend(|| tell!("warning: {text}")),
+        Notice::Warning(text) => bar.suspend(|| tell_warning!("{text}")),
         Notice::Left(text) => bar.suspend(|| tell!("{text}")),
     }
 }

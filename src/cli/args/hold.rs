@@ -1,7 +1,7 @@
 //! `--hold NAME=VALUE`: parameters that a fit does not touch, or keeps between two values.
 
 use crate::cli::args::values::{number, pair};
-use crate::cli::console::print::tell;
+use crate::cli::console::print::tell_warning;
 use crate::model::constraint::Constraint;
 use crate::model::effects::Chosen;
 use crate::report::text::number::significant;
@@ -39,7 +39,7 @@ pub fn warn_beyond(option: &str, study: &Study, effects: &[Chosen], values: &[(S
     for hold::Beyond { name, value, lower, upper } in hold::beyond(study.rig(), study.runs(), effects, values) {
         let [lower, upper] = [lower, upper].map(|bound| significant(bound, 3));
         let value = if (1e-4..1e9).contains(&value.abs()) { value.to_string() } else { format!("{value:e}") };
-        tell!("warning: {option} {name}={value} lies outside the bounds of a fit, {lower} to {upper}: check its unit");
+        tell_warning!("{option} {name}={value} lies outside the bounds of a fit, {lower} to {upper}: check its unit");
     }
 }
 
@@ -57,7 +57,7 @@ pub fn constraints(study: &Study, models: &[Vec<Chosen>], hold: &[Hold]) -> Vec<
 pub fn settle(held: &mut Vec<Constraint>, from: &Entry, study: &Study, effects: &[Chosen], warn: bool) {
     for name in hold::settle(held, from, study.rig(), study.runs(), effects) {
         if warn {
-            tell!("warning: the file given with --from holds {name}, and this model has no such parameter");
+            tell_warning!("the file given with --from holds {name}, and this model has no such parameter");
         }
     }
 }

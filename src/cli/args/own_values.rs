@@ -41,7 +41,9 @@ impl Own {
         }
         let asked = Question { model, recordings: files, hold: &held, other_pipeline: self.other_rig };
         let found = shown(&mut study, "", |study| predicted(study, &asked)).map_err(|error| match error {
-            Error::OtherPipeline(_) => format!("{error}; add --other-rig to predict all the same").into(),
+            Error::OtherPipeline(_) | Error::UnknownPipeline(_) => {
+                format!("{error}; add --other-rig to predict all the same").into()
+            }
             other => AnyError::from(other),
         })?;
         Ok((study, found))

@@ -1,6 +1,6 @@
 //! Profile likelihood intervals, as the command line asks for them.
 
-use crate::cli::console::print::tell;
+use crate::cli::console::print::{tell, tell_warning};
 use crate::cli::console::progress::progress_bar;
 use crate::fit::outcome::fit::Fit;
 use crate::fit::problem::error::FitError;
@@ -77,8 +77,8 @@ impl Profiles {
         fit.seconds += began.elapsed().as_secs_f64();
         let below = found.below_fit > BELOW;
         if below {
-            tell!(
-                "warning: the fit is not at its optimum: the profiles found one with a χ² lower by {}, and are centred there",
+            tell_warning!(
+                "the fit is not at its optimum: the profiles found one with a χ² lower by {}, and are centred there",
                 significant(found.below_fit, 3)
             );
         }
@@ -95,8 +95,8 @@ impl Profiles {
             }
             for (side, last) in ["below", "above"].into_iter().zip(profile.unknown_beyond) {
                 if let Some(last) = last {
-                    tell!(
-                        "warning: {}{run}: the end of its profile {side} is unknown: beyond {}, no refit of the other parameters reached an optimum",
+                    tell_warning!(
+                        "{}{run}: the end of its profile {side} is unknown: beyond {}, no refit of the other parameters reached an optimum",
                         parameter.name,
                         significant(last, 4)
                     );
@@ -104,8 +104,8 @@ impl Profiles {
             }
             let known = profile.unknown_beyond == [None; 2];
             if known && profile.disagrees() {
-                tell!(
-                    "warning: {}{run}: the profile's 95% interval, {}, differs from the linear one, {}: {}",
+                tell_warning!(
+                    "{}{run}: the profile's 95% interval, {}, differs from the linear one, {}: {}",
                     parameter.name,
                     interval(profile.interval_95),
                     interval(profile.linear_95),
@@ -118,8 +118,8 @@ impl Profiles {
                 );
             }
             if profile.fell_by > 1.0 {
-                tell!(
-                    "warning: {}{run}: its profile contains a better fit, by {} in χ²; check it with --start",
+                tell_warning!(
+                    "{}{run}: its profile contains a better fit, by {} in χ²; check it with --start",
                     parameter.name,
                     significant(profile.fell_by, 3)
                 );

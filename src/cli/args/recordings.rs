@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::cli::console::outcome::AnyError;
-use crate::cli::console::print::tell;
+use crate::cli::console::print::tell_warning;
 use crate::cli::console::progress::busy;
 use crate::study::Study;
 use crate::study::error::Error;
@@ -33,6 +33,6 @@ pub fn open_without(paths: &[PathBuf], rig: Option<&Path>, ignored: &[String]) -
 /// Prints what in a study's recordings should make a user look twice.
 pub fn warn_of(study: &Study) {
     for warning in study.warnings() {
-        tell!("warning: {warning}");
+        tell_warning!("{warning}");
     }
 }

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use crate::cli::console::document::say_document;
 use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::print::say;
 use crate::report::history::text::RunDocument;
@@ -42,7 +43,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     index.done(&run, &run.rig, &finding, Some(&accepted))?;
     let now = index.run(run.id)?;
     if json {
-        say!("{}", serde_json::to_string_pretty(&RunDocument::from(&now))?);
+        say_document(RunDocument::from(&now))?;
     } else {
         say!("{}: {} accepted for rig '{}'", now.file.shown(), models.current().name, now.rig);
     }

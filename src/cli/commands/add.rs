@@ -5,11 +5,12 @@ use std::time::Instant;
 
 use crate::cli::args::recordings;
 use crate::cli::args::values::one_effect;
+use crate::cli::console::document::say_document;
 use crate::cli::console::outcome::{CommandResult, Outcome};
-use crate::cli::console::print::{say, say_text, tell};
+use crate::cli::console::print::{say, say_text, tell, tell_warning};
 use crate::cli::console::progress::{refit, shown};
 use crate::model::effects::Chosen;
-use crate::report::models::{json as models_json, text};
+use crate::report::models::{document, text};
 use crate::report::text::number::{duration, error_m, grouped};
 use crate::study::{Grown, models};
 
@@ -36,7 +37,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let before = at.file.current().clone();
     let label = args.effect.label();
     if let Some(why) = args.effect.effect.impossible(at.study.rig()) {
-        tell!("warning: {label}: {why}; whatever it explains belongs to another effect");
+        tell_warning!("{label}: {why}; whatever it explains belongs to another effect");
     }
     let began = Instant::now();
     let start = refit(&mut at, "current model, ")?;
@@ -44,7 +45,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     tell!("done in {}", duration(began.elapsed().as_secs_f64()));
     at.append(&fit, &format!("{label} added"), Some(evidence))?;
     if json {
-        say!("{}", models_json(&at.file)?);
+        say_document(document(&at.file))?;
     } else {
         say_text!(text(&at.file));
         let (rmse_m, _) = fit.pooled();

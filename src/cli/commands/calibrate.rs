@@ -7,9 +7,10 @@ use crate::cli::args::hold;
 use crate::cli::args::recordings;
 use crate::cli::args::search::Search;
 use crate::cli::console::advice::Again;
+use crate::cli::console::document::say_document;
 use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::page::write_page;
-use crate::cli::console::print::{say, say_text, tell};
+use crate::cli::console::print::{say, say_text, tell, tell_warning};
 use crate::cli::console::progress::shown;
 use crate::fit::outcome::fit::Fit;
 use crate::fit::problem::method::Method;
@@ -123,10 +124,10 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let stages: Vec<Stage> = fits.iter().map(|(title, fit)| Stage { title: title.clone(), fit }).collect();
     let Some((_, last)) = fits.last() else { return Ok(Outcome::Done) };
     let warned = warnings(last, study.runs());
-    warned.iter().for_each(|warning| tell!("warning: {warning}"));
+    warned.iter().for_each(|warning| tell_warning!("{warning}"));
     let record = study.record(last, &warned);
     if json {
-        say!("{}", serde_json::to_string(&record)?);
+        say_document(&record)?;
     } else {
         say_text!(table::calibration(&stages));
         if last.effects.iter().any(|c| c.effect.name() == WALL)

@@ -4,8 +4,9 @@ use clap::Command;
 use clap_complete::Shell;
 use serde_json::json;
 
+use crate::cli::console::document::say_document;
 use crate::cli::console::outcome::{CommandResult, Outcome};
-use crate::cli::console::print::{say, say_text};
+use crate::cli::console::print::say_text;
 
 /// Print what a shell needs to complete commands and options with Tab.
 #[derive(Debug, clap::Args)]
@@ -23,7 +24,7 @@ pub fn run(args: &Args, mut command: Command, json: bool) -> CommandResult {
     clap_complete::generate(args.shell, &mut command, env!("CARGO_PKG_NAME"), &mut script);
     let script = String::from_utf8(script)?;
     if json {
-        say!("{:#}", json!({ "shell": args.shell.to_string(), "script": script }));
+        say_document(json!({ "shell": args.shell.to_string(), "script": script }))?;
     } else {
         say_text!(script);
     }

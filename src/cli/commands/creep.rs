@@ -2,14 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::cli::console::document::say_document;
 use crate::cli::console::outcome::{CommandResult, Outcome};
-use crate::cli::console::print::{say, say_text, tell};
+use crate::cli::console::print::{say_text, tell};
 use crate::creep::file::{CreepFile, HEADING};
 use crate::creep::fit::fit;
 use crate::creep::read::{has_strain, read};
 use crate::creep::{CreepError, CreepTest};
 use crate::report::creep::html::html;
-use crate::report::creep::text::{json as creep_json, text};
+use crate::report::creep::text::{document, text};
 use crate::shown::Shown as _;
 use crate::storage::{disk, output};
 
@@ -75,7 +76,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     }
     let fitted = fit(&tests, args.reference_degc, args.elements.map(usize::from))?;
     if json {
-        say!("{}", creep_json(&fitted)?);
+        say_document(document(&fitted))?;
     } else {
         say_text!(text(&fitted));
     }

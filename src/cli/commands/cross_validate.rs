@@ -6,8 +6,9 @@ use clap::ValueEnum;
 
 use crate::cli::args::hold;
 use crate::cli::args::recordings;
+use crate::cli::console::document::say_document;
 use crate::cli::console::outcome::{CommandResult, Outcome};
-use crate::cli::console::print::{say, say_text};
+use crate::cli::console::print::say_text;
 use crate::cli::console::progress::progress_bar;
 use crate::fit::search::options::Options;
 use crate::fit::validate::cross_validate::{By, CrossValidation, cross_validate};
@@ -85,7 +86,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         return Err(format!("nothing can be left out of these recordings: {why}; try --by time").into());
     }
     if json {
-        say!("{}", serde_json::to_string(&document(&models))?);
+        say_document(document(&models))?;
     } else {
         say_text!(text(&models));
     }

@@ -7,6 +7,7 @@ use serde_json::json;
 use crate::cli::args::hold;
 use crate::cli::args::recordings;
 use crate::cli::console::advice::Again;
+use crate::cli::console::document::say_document;
 use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::page::write_page;
 use crate::cli::console::print::{say, say_text, tell};
@@ -73,13 +74,10 @@ pub struct Args {
 fn faulty(file: &str, faults: &[SensorFault], effects: &[Chosen], json: bool) -> CommandResult {
     let what = in_words(faults);
     if json {
-        say!(
-            "{}",
-            json!({
-                "verdict": "unknown-effect", "sensor_faults": faults, "candidates": [], "next_test": what,
-                "start": { "effects": effects.iter().map(Chosen::label).collect::<Vec<_>>(), "rmse_m": null, "noise_m": null },
-            })
-        );
+        say_document(json!({
+            "verdict": "unknown-effect", "sensor_faults": faults, "candidates": [], "next_test": what,
+            "start": { "effects": effects.iter().map(Chosen::label).collect::<Vec<_>>(), "rmse_m": null, "noise_m": null },
+        }))?;
     } else {
         say!("No diagnosis of {file}: {what}.");
     }
@@ -213,7 +211,7 @@ fn diagnosed(args: Args, json: bool) -> CommandResult {
         tell!("stopped after {} models", models.len());
     }
     if json {
-        say!("{}", diagnosis::json(&diagnoses, &faults_of(&study))?);
+        say_document(diagnosis::value(&diagnoses, &faults_of(&study))?)?;
     } else if args.until_done {
         say_text!(staircase(&models));
     } else {

@@ -5,8 +5,9 @@ use std::path::PathBuf;
 use serde_json::{Value, json};
 
 use crate::cli::args::values::one_effect;
+use crate::cli::console::document::say_document;
 use crate::cli::console::outcome::{CommandResult, Outcome};
-use crate::cli::console::print::{say, say_text};
+use crate::cli::console::print::say_text;
 use crate::model::effects::{CATALOGUE, Chosen};
 use crate::report::effects::example::Example;
 use crate::report::effects::json::{about, described, example as example_json};
@@ -32,7 +33,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let Some(chosen) = args.effect else {
         if json {
             let list: Vec<Value> = CATALOGUE.iter().map(|e| about(*e)).collect();
-            say!("{:#}", json!({ "effects": list }));
+            say_document(json!({ "effects": list }))?;
         } else {
             say_text!(list());
         }
@@ -47,7 +48,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         let mut document = about(chosen.effect);
         document["parameters"] = example.parameters.iter().map(described).collect();
         document["example"] = example_json(&example);
-        say!("{document:#}");
+        say_document(document)?;
     } else {
         say_text!(explained(chosen.effect));
         say_text!(format_args!(

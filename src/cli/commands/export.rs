@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use serde_json::json;
 
 use crate::cli::args::recordings;
-use crate::cli::console::document::document;
+use crate::cli::console::document::{document, say_document};
 use crate::cli::console::outcome::{CommandResult, Outcome};
-use crate::cli::console::print::{say, tell};
+use crate::cli::console::print::{say, tell, tell_warning};
 use crate::cli::console::progress::{busy, shown};
 use crate::number::significant;
 use crate::shown::Shown as _;
@@ -50,7 +50,7 @@ fn time_series(args: &Args, json: bool) -> CommandResult {
     busy(&args.output, || export_csv_file(&recording, &args.output))?;
     let summary = Summary::of(&recording);
     if json {
-        say!("{}", document(json!({ "file": args.output, "source": args.mcap }), &summary)?);
+        say_document(document(json!({ "file": args.output, "source": args.mcap }), &summary)?)?;
     } else {
         say!("{}: {summary}", args.output.shown());
     }
@@ -79,7 +79,7 @@ fn with_model(args: &Args, model: &Path, json: bool) -> CommandResult {
     let mut study = recordings::open(std::slice::from_ref(&args.mcap), rig.as_deref())?;
     let found = shown(&mut study, "", |study| beside(study, &args.mcap, model, &file))?;
     for warning in &found.warnings {
-        tell!("warning: {warning}");
+        tell_warning!("{warning}");
     }
     busy(&args.output, || write_with_model(&args.mcap, &args.output, about(model, &found), &found.curves))?;
     let own_values = own_values(&found);
@@ -92,7 +92,7 @@ fn with_model(args: &Args, model: &Path, json: bool) -> CommandResult {
             "file": args.output, "source": args.mcap, "model": model, "effects": found.effects, "own_values": own_values,
             "sensors": sensors.collect::<Vec<_>>(), "warnings": found.warnings,
         });
-        say!("{document:#}");
+        say_document(document)?;
         return Ok(Outcome::Done);
     }
     let effects = if found.effects.is_empty() { "the base model".to_owned() } else { found.effects.join(", ") };

@@ -3,15 +3,16 @@
 use std::path::PathBuf;
 
 use crate::cli::args::run_models::RunModels;
+use crate::cli::console::document::say_document;
 use crate::cli::console::outcome::{CommandResult, Outcome};
-use crate::cli::console::print::{say, say_text, tell};
+use crate::cli::console::print::{say_text, tell, tell_warning};
 use crate::cli::console::progress::progress_bar;
 use crate::fit::data::prepare::prepare;
 use crate::fit::data::run_data::RunData;
 use crate::fit::search::options::Options;
 use crate::model::effects::{Chosen, parse_list};
 use crate::report::temperature::html::html;
-use crate::report::temperature::text::{CSV_HEADER, csv, json as family_json, text};
+use crate::report::temperature::text::{CSV_HEADER, csv, document, text};
 use crate::rig::SensorKind;
 use crate::shown::Shown as _;
 use crate::signal::inspect;
@@ -140,7 +141,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     bar.finish_and_clear();
     let fitted = fitted?;
     if json {
-        say!("{}", family_json(&fitted)?);
+        say_document(document(&fitted))?;
     } else {
         say_text!(text(&fitted));
     }
@@ -176,7 +177,7 @@ fn loaded(args: &Args) -> Result<Vec<Loaded>, Box<dyn std::error::Error + Send +
             return Err(format!("{} and {} are one recording: it counts once", twin.shown(), path.shown()).into());
         }
         let mut one = load(std::slice::from_ref(path), args.rig.as_deref(), &[])?.remove(0);
-        one.doubts.iter().for_each(|doubt| tell!("warning: {}: {doubt}", one.file));
+        one.doubts.iter().for_each(|doubt| tell_warning!("{}: {doubt}", one.file));
         if all.iter().any(|l| l.file == one.file) {
             one.file = path.shown().into_owned();
         }

@@ -4,8 +4,9 @@ use std::path::PathBuf;
 
 use crate::cli::args::own_values::Own;
 use crate::cli::args::recordings;
+use crate::cli::console::document::say_document;
 use crate::cli::console::outcome::{CommandResult, Outcome};
-use crate::cli::console::print::{say, say_text, tell};
+use crate::cli::console::print::{say_text, tell, tell_warning};
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
 use crate::fit::validate::frequency::{SensorResponse, Traces, response};
@@ -15,7 +16,6 @@ use crate::report::frequency::text::{document, svg, text};
 use crate::rig::Rig;
 use crate::shown::Shown as _;
 use crate::storage::output;
-use crate::study::Study;
 use crate::study::open::Loaded;
 
 /// Show amplitude and phase of the head at the pipe's odd harmonics.
@@ -50,23 +50,19 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     if let Some(path) = &args.svg {
         output::check_picture(path)?;
     }
-    let (file, effects, sensors) = match &args.model {
+    let files = std::slice::from_ref(&args.recording);
+    let (study, fit) = match &args.model {
         Some(model) => {
-            let (study, known) = args.own.predicted(model, std::slice::from_ref(&args.recording))?;
+            let (study, known) = args.own.predicted(model, files)?;
             for warning in &known.warnings {
-                tell!("warning: {warning}");
+                tell_warning!("{warning}");
             }
-            (
-                study.recordings()[0].file.clone(),
-                Some(known.prediction.fit.labels()),
-                modelled(&study, &known.prediction.fit),
-            )
+            (study, Some(known.prediction.fit))
         }
-        None => {
-            let study = recordings::open(std::slice::from_ref(&args.recording), args.own.rig.as_deref())?;
-            (study.recordings()[0].file.clone(), None, recorded(&study.recordings()[0], &study.runs()[0]))
-        }
+        None => (recordings::open(files, args.own.rig.as_deref())?, None),
     };
+    let (file, effects) = (&study.recordings()[0].file, fit.as_ref().map(Fit::labels));
+    let sensors = responses(&study.recordings()[0], &study.runs()[0], fit.as_ref());
     if sensors.is_empty() {
         return Err(format!(
             "{file} holds less than three periods of the pipe after the closure: too short for a frequency response"
@@ -74,7 +70,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         .into());
     }
     if json {
-        say!("{}", serde_json::to_string(&document(&sensors, effects.clone()))?);
+        say_document(document(&sensors, effects.clone()))?;
     } else {
         say_text!(text(&sensors));
     }
@@ -95,28 +91,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     Ok(Outcome::Done)
 }
 
-/// Record and model at each sensor, the nearest to the valve first.
-fn modelled(study: &Study, fit: &Fit) -> Vec<SensorResponse> {
-    let value = |name: &str| fit.parameters.iter().find(|p| p.name == name).map(|p| p.value);
-    let closing_s = value("closing_time_s").unwrap_or(study.rig().valve.closing_time_s);
-    let model = Model::new(study.rig(), &study.runs()[0].conditions.water, &fit.effects);
-    let period_s = model.period_s(&fit.values()[..model.shared.len()]);
-    let run = &fit.runs[0];
-    let mut sensors: Vec<_> = run.sensors.iter().collect();
-    sensors.sort_by(|a, b| b.position_m.total_cmp(&a.position_m));
-    let traces = sensors.into_iter().map(|s| Traces {
-        name: &s.name,
-        file: &run.file,
-        time_s: &s.time_s,
-        measured_m: &s.measured_m,
-        model_m: Some(&s.model_m),
-        noise_m: s.white_noise_m,
-    });
-    traces.filter_map(|t| response(&t, period_s, closing_s)).collect()
-}
-
-/// The record alone; where the wave speed is not to be had from it, the rig's.
-fn recorded(loaded: &Loaded, run: &RunData) -> Vec<SensorResponse> {
+/// The record at each sensor, and the model of a `fit` beside it, the nearest to the valve first. Period and closure are the record's own, so that what
+/// it shows is the same whatever the model; where the wave speed is not to be had from it, the rig's.
+fn responses(loaded: &Loaded, run: &RunData, fit: Option<&Fit>) -> Vec<SensorResponse> {
     let rig: &Rig = &loaded.recording.rig;
     let model = Model::new(rig, &run.conditions.water, &[]);
     let ratio = run.start.wave_speed_ratio.unwrap_or(1.0);
@@ -128,15 +105,24 @@ fn recorded(loaded: &Loaded, run: &RunData) -> Vec<SensorResponse> {
     let found = sensors.into_iter().filter_map(|s| {
         let from = s.time_s.partition_point(|&t| t < closure_s);
         let time_s: Vec<f64> = s.time_s[from..].iter().map(|t| t - closure_s).collect();
+        let model_m = fit.and_then(|fit| modelled(fit, &s.sensor.name, time_s.len()));
         let traces = Traces {
             name: &s.sensor.name,
             file: &run.file,
             time_s: &time_s,
             measured_m: &s.head_m[from..],
-            model_m: None,
+            model_m: model_m.as_deref(),
             noise_m: s.noise_m,
         };
         response(&traces, period_s, closing_s)
     });
     found.collect()
+}
+
+/// The model at the last `samples` of a sensor; the fit has those from its own start of the closure on, and no value before.
+fn modelled(fit: &Fit, sensor: &str, samples: usize) -> Option<Vec<f64>> {
+    let known = &fit.runs[0].sensors.iter().find(|s| s.name == sensor)?.model_m;
+    let more = known.len().saturating_sub(samples);
+    let before = std::iter::repeat_n(f64::NAN, samples.saturating_sub(known.len()));
+    Some(before.chain(known[more..].iter().copied()).collect())
 }

@@ -2,10 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::cli::console::document::say_document;
 use crate::cli::console::outcome::{CommandResult, Outcome};
-use crate::cli::console::print::{say, say_text, tell};
+use crate::cli::console::print::{say_text, tell};
 use crate::report::history::html::{html, svg};
-use crate::report::history::text::{csv, json as history_json, text};
+use crate::report::history::text::{csv, document, text};
 use crate::results::history::{History, Index};
 use crate::rig::Rig;
 use crate::shown::Shown as _;
@@ -51,7 +52,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     };
     let history = History::of(&index, &rig)?;
     if json {
-        say!("{}", history_json(&history)?);
+        say_document(document(&history))?;
     } else {
         say_text!(text(&history));
     }

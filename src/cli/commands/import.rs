@@ -9,9 +9,9 @@ use serde_json::{Value, json};
 use crate::align::{Clock, Method, Part, align, merge, refuse_overlaps};
 use crate::cli::args::import_options::{ForeignArgs, start};
 use crate::cli::console::ask;
-use crate::cli::console::document::document;
+use crate::cli::console::document::{document, say_document};
 use crate::cli::console::outcome::{AnyError, CommandResult, Outcome};
-use crate::cli::console::print::{say, tell};
+use crate::cli::console::print::{say, tell, tell_warning};
 use crate::cli::console::progress::busy;
 use crate::cli::console::understood;
 use crate::recording::Recording;
@@ -201,32 +201,31 @@ impl Done {
     fn tell(self, args: &Args, output: &Path, json: bool) -> CommandResult {
         let Done { used, summary, reports, clocks, left_out, understood } = self;
         let alone = args.files.len() == 1;
-        let warnings = unit_warnings(&used);
-
         for report in reports.iter().filter(|r| !r.repair.guessed) {
             let line = report.repair.line.map(|l| format!(":{l}")).unwrap_or_default();
             tell!("{}{line}: {}", report.file.shown(), report.repair.text);
         }
         clocks.iter().skip(1).for_each(|clock| tell!("{clock}"));
-        for clock in &clocks {
-            clock.warnings.iter().for_each(|text| tell!("warning: {}: {text}", clock.file.shown()));
-        }
         left_out.iter().for_each(|text| tell!("{text}"));
-        warnings.iter().for_each(|w| tell!("warning: {}", w.text));
         // What contradicts the rig is cheapest to mend here.
         let doubts = inspect(&used).map_or(Vec::new(), |features| doubts(&used.rig, &features));
-        doubts.iter().for_each(|doubt| tell!("warning: {doubt}"));
         let faults = sensor_faults(&used);
-        if !faults.is_empty() {
-            tell!("warning: {}", in_words(&faults));
-        }
+        let of_clock = |clock: &Clock| {
+            let file = clock.file.shown().into_owned();
+            clock.warnings.iter().map(move |text| format!("{file}: {text}")).collect::<Vec<_>>()
+        };
+        let mut warnings: Vec<Value> = unit_warnings(&used).iter().map(|warning| json!(warning)).collect();
+        let others = clocks.iter().flat_map(of_clock).chain(doubts.iter().cloned());
+        let others = others.chain((!faults.is_empty()).then(|| in_words(&faults)));
+        warnings.extend(others.map(|text| json!({ "text": text })));
+        warnings.iter().filter_map(|warning| warning["text"].as_str()).for_each(|text| tell_warning!("{text}"));
         if json {
             let sources: Vec<&PathBuf> = args.files.iter().collect();
             let head = json!({
                 "file": output, "source": args.files[0], "sources": sources, "mended": reports, "warnings": warnings,
                 "alignment": if alone { None } else { Some(&clocks) }, "left_out": left_out, "doubts": doubts, "sensor_faults": faults, "understood": understood,
             });
-            say!("{}", document(head, &summary)?);
+            say_document(document(head, &summary)?)?;
         } else {
             say!("{}: {summary}", output.shown());
             tell!("next: surgescope open {}", quoted(&output.shown()));

@@ -4,8 +4,9 @@ use std::path::PathBuf;
 
 use serde_json::json;
 
+use crate::cli::console::document::say_document;
 use crate::cli::console::outcome::{CommandResult, Outcome};
-use crate::cli::console::print::{say, say_text};
+use crate::cli::console::print::{say, say_text, tell_warning};
 use crate::cli::console::progress::busy;
 use crate::report::inspection::json::document;
 use crate::report::inspection::text::table;
@@ -49,26 +50,26 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let loaded = match Loaded::new(args.recording.shown().into_owned(), recording) {
         Err(Error::Faulty { file, faults, source: Some(why) }) => {
             if json {
-                say!("{:#}", json!({ "file": args.recording, "sensor_faults": faults, "error": why.to_string() }));
+                say_document(json!({ "file": args.recording, "sensor_faults": faults, "error": why.to_string() }))?;
             }
             return Err(Box::new(Error::Faulty { file, faults, source: Some(why) }));
         }
         other => other?,
     };
     let Loaded { recording, features, faults, window, .. } = &loaded;
+    if !faults.is_empty() {
+        tell_warning!("{}", in_words(faults));
+    }
     if json {
         let mut document = document(recording, features);
         document["file"] = json!(args.recording);
         document["sensor_faults"] = json!(faults);
         document["window"] = json!(window);
-        say!("{document:#}");
+        say_document(document)?;
     } else {
         say_text!(table(recording, features));
         if let Some(window) = window {
             say!("\nnote: {}", window.in_words());
-        }
-        if !faults.is_empty() {
-            say!("\nwarning: {}", in_words(faults));
         }
     }
     Ok(Outcome::Done)

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::json;
 
+use crate::cli::console::document::say_document;
 use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::print::say;
 use crate::rig::Rig;
@@ -50,7 +51,7 @@ pub fn run(args: &Args, json: bool) -> CommandResult {
     let plots = plots(&rig, args.with_model);
     output::write_new(path, &write(&plots), args.overwrite)?;
     if json {
-        say!("{:#}", json!({ "file": path, "program": program, "plots": plots }));
+        say_document(json!({ "file": path, "program": program, "plots": plots }))?;
     } else {
         say!("{}: {} plots for {program}", path.shown(), plots.len());
     }

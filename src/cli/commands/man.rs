@@ -6,6 +6,7 @@ use clap::Command;
 use clap_mangen::Man;
 use serde_json::json;
 
+use crate::cli::console::document::say_document;
 use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::print::say;
 use crate::shown::Shown as _;
@@ -43,7 +44,7 @@ pub fn run(args: &Args, command: Command, json: bool) -> CommandResult {
     }
     if json {
         let names: Vec<&String> = pages.iter().map(|(name, _)| name).collect();
-        say!("{:#}", json!({ "folder": args.folder, "pages": names }));
+        say_document(json!({ "folder": args.folder, "pages": names }))?;
     } else {
         say!("{} manual pages in {folder}; read one with `man -l {folder}/{}`", pages.len(), pages[0].0);
     }

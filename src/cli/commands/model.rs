@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
+use crate::cli::console::document::say_document;
 use crate::cli::console::outcome::{CommandResult, Outcome};
-use crate::cli::console::print::{say, say_text};
-use crate::report::models::{json as models_json, text};
+use crate::cli::console::print::say_text;
+use crate::report::models::{document, text};
 use crate::study::models;
 
 /// Show the models in a file: their errors, which one is current, its parameters.
@@ -22,7 +23,7 @@ pub struct Args {
 pub fn run(args: Args, json: bool) -> CommandResult {
     let file = models::load(&args.file)?;
     if json {
-        say!("{}", models_json(&file)?);
+        say_document(document(&file))?;
     } else {
         say_text!(text(&file));
     }

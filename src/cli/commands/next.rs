@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use crate::cli::args::recordings;
+use crate::cli::console::document::say_document;
 use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::print::{say, say_text, tell};
 use crate::cli::console::progress::{refit, shown};
@@ -85,7 +86,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         })
         .transpose()?;
     if json {
-        say!("{}", document(at.study.rig(), &contests, narrowed.as_ref()));
+        say_document(document(at.study.rig(), &contests, narrowed.as_ref()))?;
     } else {
         if let Some(alone) = &alone {
             say!("{alone}");

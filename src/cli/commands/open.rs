@@ -10,9 +10,10 @@ use std::time::Duration;
 
 use serde_json::json;
 
+use crate::cli::console::document::say_line;
 use crate::cli::console::last_words::LastWords;
 use crate::cli::console::outcome::{CommandResult, Outcome};
-use crate::cli::console::print::{say, tell};
+use crate::cli::console::print::{say, tell, tell_warning};
 use crate::cli::console::stop::{STOP, stop_on_signals};
 use crate::report::advice::quoted;
 use crate::shown::Shown as _;
@@ -69,8 +70,11 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let session = Session::new(place, commands);
     session.wait(FIRST_FIT);
     let url = server.url();
+    if !args.listen.is_loopback() {
+        tell_warning!("the network can reach this address, and the connection is not encrypted");
+    }
     if json {
-        say!("{}", json!({ "url": url, "token": server.token() }));
+        say_line(json!({ "url": url, "token": server.token() }))?;
     } else {
         say!("The workbench is at {url}");
         tell!("Ctrl-C ends it");
@@ -80,9 +84,6 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     }
     if args.listen.is_unspecified() {
         tell!("from another machine, put this machine's address in place of the one above");
-    }
-    if !args.listen.is_loopback() {
-        tell!("warning: the network can reach this address, and the connection is not encrypted");
     }
     if std::env::var_os("SSH_CONNECTION").is_some() {
         let port = server.address().port();

@@ -8,6 +8,7 @@ use serde_json::json;
 use crate::cli::args::hold;
 use crate::cli::args::recordings;
 use crate::cli::args::search::Search;
+use crate::cli::console::document::say_document;
 use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::print::{say, tell};
 use crate::cli::console::progress::shown;
@@ -122,7 +123,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             "parameters": size.parameters, "observations": size.observations, "priors": size.priors,
             "every": window.stride, "reaches": window.reaches, "phi": phi,
         });
-        say!("{document:#}");
+        say_document(document)?;
     } else {
         say!(
             "{}: {} parameters, {} observations, {} priors, objective function {phi:.6}",

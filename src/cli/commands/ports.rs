@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::json;
 
+use crate::cli::console::document::say_document;
 use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::print::{say, say_text};
 use crate::record::devices::port::{PortInfo, list, open_port};
@@ -29,7 +30,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     if json {
         let entry = |(device, problem): &Tried| json!({"name": device.name, "port": device.port, "problem": problem});
         let devices: Vec<_> = devices.iter().map(entry).collect();
-        say!("{}", json!({"ports": ports, "devices": devices}));
+        say_document(json!({"ports": ports, "devices": devices}))?;
     } else {
         say_text!(table(&ports));
         for (device, problem) in &devices {

@@ -4,9 +4,10 @@ use std::path::PathBuf;
 
 use crate::cli::args::own_values::Own;
 use crate::cli::console::advice::Again;
+use crate::cli::console::document::say_document;
 use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::page::write_page;
-use crate::cli::console::print::{say, say_text, tell};
+use crate::cli::console::print::{say_text, tell, tell_warning};
 use crate::report::prediction::text::{ahead, document, text};
 use crate::report::{Page, Stage};
 use crate::shown::Shown as _;
@@ -41,10 +42,10 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     }
     let (study, predicted) = args.own.predicted(&args.model, &args.recordings)?;
     for warning in &predicted.warnings {
-        tell!("warning: {warning}");
+        tell_warning!("{warning}");
     }
     if json {
-        say!("{}", serde_json::to_string(&document(&predicted.prediction, &predicted.warnings))?);
+        say_document(document(&predicted.prediction, &predicted.warnings))?;
     } else {
         say_text!(text(&predicted.prediction));
     }

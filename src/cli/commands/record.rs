@@ -8,11 +8,11 @@ use clap::ArgGroup;
 use crate::cli::args::evaluation;
 use crate::cli::args::triggers::Triggers;
 use crate::cli::args::values::{not_negative, pair, positive, setting};
-use crate::cli::console::document::document;
+use crate::cli::console::document::{document, say_document};
 use crate::cli::console::last_words::{LastWords, tell_first};
 use crate::cli::console::live::Reporter;
 use crate::cli::console::outcome::{AnyError, CommandResult, Outcome};
-use crate::cli::console::print::{say, say_text, tell};
+use crate::cli::console::print::{say, say_text, tell, tell_warning};
 use crate::cli::console::progress::progress_bar;
 use crate::cli::console::recorded::table;
 use crate::cli::console::stop::{STOP, stop_on_signals};
@@ -143,7 +143,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             [one] if summary.shots.is_empty() => serde_json::json!({ "calibration": one }),
             all => serde_json::json!({ "calibrations": all }),
         };
-        say!("{}", document(head, &summary)?);
+        say_document(document(head, &summary)?)?;
     }
     Ok(outcome(failed))
 }
@@ -192,7 +192,7 @@ fn record(
         return record_simulated(rig, args, options, report);
     }
     let devices = live_devices(rig, &args.port)?;
-    coarse_counts(rig).iter().for_each(|f| tell!("warning: {}: {}", f.subject, f.message));
+    coarse_counts(rig).iter().for_each(|f| tell_warning!("{}: {}", f.subject, f.message));
     let sources = Sources::open(rig, &devices, args.wait > 0.0)?;
     let listening = devices.iter().map(|device| format!("listening to device '{}' on {}", device.name, device.port));
     tell_first(listening.chain(["Ctrl-C ends the recording".to_owned()]).collect());
@@ -210,7 +210,7 @@ fn record_simulated(
     let total_s = args.duration.unwrap_or(LEAD_S + 12.0 * scenario.period_s());
     let faults = args.faults.as_deref().map(str::parse).transpose()?.unwrap_or_default();
     let timing = Timing { rate_hz: args.rate, lead_s: LEAD_S, after_s: (total_s - LEAD_S).max(0.0) };
-    let warn = |warning: &str| tell!("{warning}");
+    let warn = |warning: &str| tell_warning!("{warning}");
     record_scenario(&scenario, &timing, (args.speed, faults), options, (&STOP, report), &warn)
 }
 

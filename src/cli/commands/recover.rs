@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use serde_json::json;
 
-use crate::cli::console::document::document;
+use crate::cli::console::document::{document, say_document};
 use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::print::{say, tell};
 use crate::cli::console::progress::busy;
@@ -28,7 +28,7 @@ pub struct Args {
 pub fn run(args: Args, json: bool) -> CommandResult {
     let recovery = busy(&args.torn, || recover(&args.torn, &args.output))?;
     if json {
-        say!("{}", document(json!({ "file": args.output, "source": args.torn }), &recovery)?);
+        say_document(document(json!({ "file": args.output, "source": args.torn }), &recovery)?)?;
     } else {
         say!("{}: {}", args.output.shown(), recovery.kept);
         match recovery.last_good_time_s {

@@ -3,10 +3,11 @@
 use std::path::PathBuf;
 
 use crate::cli::args::recordings;
+use crate::cli::console::document::say_document;
 use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::print::{say, say_text};
 use crate::cli::console::progress::{refit, shown};
-use crate::report::models::{json as models_json, text};
+use crate::report::models::{document, text};
 use crate::report::text::number::error_m;
 use crate::study::models;
 
@@ -34,7 +35,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let fit = shown(&mut at.study, "", |study| study.or_from_signals(fit))?;
     at.append(&fit, &why, None)?;
     if json {
-        say!("{}", models_json(&at.file)?);
+        say_document(document(&at.file))?;
     } else {
         say_text!(text(&at.file));
         say!("\n{why}: RMSE {} m → {} m", error_m(before.rmse_m), error_m(at.file.current().rmse_m));

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 
 use crate::cli::args::recordings::open;
+use crate::cli::console::document::say_document;
 use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::print::{say, say_text, tell};
 use crate::cli::console::progress::shown;
@@ -80,7 +81,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         }
     }
     if json {
-        say!("{:#}", json!({ "compared": compared, "moved": moved_in_all, "recordings": entries }));
+        say_document(json!({ "compared": compared, "moved": moved_in_all, "recordings": entries }))?;
     } else {
         let verdict = match moved_in_all {
             _ if compared == 0 => "nothing to compare".to_owned(),

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::json;
 
+use crate::cli::console::document::say_document;
 use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::print::{say, tell};
 use crate::results::fit_file::Form;
@@ -71,7 +72,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     if json {
         let document =
             json!({ "file": args.output, "fits": fits.len(), "rows": table.rows.len(), "columns": table.columns });
-        say!("{document}");
+        say_document(document)?;
     } else {
         say!(
             "{}: {} rows of {} fits, {} columns",

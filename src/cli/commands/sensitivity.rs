@@ -5,8 +5,9 @@ use std::path::PathBuf;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::cli::args::values::{number, pair, positive, setting};
+use crate::cli::console::document::say_document;
 use crate::cli::console::outcome::{CommandResult, Outcome};
-use crate::cli::console::print::{say, say_text, tell};
+use crate::cli::console::print::{say_text, tell};
 use crate::model::Conditions;
 use crate::model::effects::{Chosen, name_of, parse_list};
 use crate::report::sensitivity::html as page;
@@ -157,7 +158,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         tell!("wrote {}", path.shown());
     }
     if json {
-        say!("{:#}", serde_json::to_value(&study)?);
+        say_document(&study)?;
     } else {
         say_text!(text::text(&study));
     }

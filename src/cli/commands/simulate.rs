@@ -9,9 +9,9 @@ use serde_json::json;
 use crate::cli::args::beside::Beside;
 use crate::cli::args::recordings;
 use crate::cli::args::values::{self, not_negative, positive, setting};
-use crate::cli::console::document::document;
+use crate::cli::console::document::{document, say_document};
 use crate::cli::console::outcome::{AnyError, CommandResult, Outcome};
-use crate::cli::console::print::{say, say_text, tell};
+use crate::cli::console::print::{say, say_text, tell, tell_warning};
 use crate::cli::console::progress::busy;
 use crate::fit::problem::observed::Place;
 use crate::model::constraint::Given;
@@ -170,7 +170,7 @@ pub fn run(mut args: Args, json: bool) -> CommandResult {
             "energy": kept.map(|(path, book)| energy::json(book, duration_s, path)),
             "seconds": seconds,
         });
-        say!("{document:#}");
+        say_document(document)?;
     }
     Ok(Outcome::Done)
 }
@@ -217,7 +217,7 @@ fn run_recorded(args: &Args, scenario: &Scenario, path: &Path, json: bool) -> Co
             "seed": instruments.seed,
             "seconds": seconds,
         });
-        say!("{}", document(head, &summary)?);
+        say_document(document(head, &summary)?)?;
     } else {
         say!("{}: {summary}", path.shown());
     }
@@ -267,7 +267,7 @@ fn run_beside(args: &Args, mut given: Vec<Given>, json: bool) -> CommandResult {
             "rows": rows,
             "seconds": seconds,
         });
-        say!("{document:#}");
+        say_document(document)?;
     }
     Ok(Outcome::Done)
 }
@@ -347,8 +347,8 @@ fn warn_of_cavities(scenario: &Scenario, traces: &[Trace]) {
         let elevation_m = scenario.rig.sensor_elevation_m(sensor);
         let least_head_m = elevation_m + least_pa / (scenario.water.density_kg_m3 * crate::units::GRAVITY_M_S2);
         if let Some(step) = trace.values.iter().position(|&h| h < least_head_m) {
-            tell!(
-                "warning: at {} the pressure falls below vapour pressure {} after the start of the closure; this model does \
+            tell_warning!(
+                "at {} the pressure falls below vapour pressure {} after the start of the closure; this model does \
                  not let the water boil, so what follows is not physical: add vapour-cavity, or take a lower velocity or a higher \
                  head",
                 sensor.name,

@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
+use crate::cli::console::document::say_document;
 use crate::cli::console::outcome::{CommandResult, Outcome};
-use crate::cli::console::print::{say, say_text};
-use crate::report::models::{json as models_json, text};
+use crate::cli::console::print::say_text;
+use crate::report::models::{document, text};
 use crate::shown::Shown as _;
 use crate::study::models;
 
@@ -32,7 +33,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     }
     models::save(&mut file, &args.file)?;
     if json {
-        say!("{}", models_json(&file)?);
+        say_document(document(&file))?;
     } else {
         say_text!(text(&file));
     }

@@ -6,8 +6,9 @@ use serde_json::json;
 
 use crate::cli::args::creep_prior::WALL;
 use crate::cli::args::recordings;
+use crate::cli::console::document::say_document;
 use crate::cli::console::outcome::{CommandResult, Outcome};
-use crate::cli::console::print::{say, say_text, tell};
+use crate::cli::console::print::{say_text, tell, tell_warning};
 use crate::cli::console::progress::shown;
 use crate::fit::outcome::thresholds::STRONG_EVIDENCE;
 use crate::fit::problem::valve_curve::valve_sensor;
@@ -75,12 +76,12 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let creep_missing = rig.constraint_in_words().is_some() && !fit.effects.iter().any(|c| c.effect.name() == WALL);
     for closure in &closures {
         if let Some(warning) = no_valve(closure, creep_missing) {
-            tell!("warning: {warning}");
+            tell_warning!("{warning}");
         }
     }
     if json {
         let document = json!({ "effects": fit.labels(), "runs": closures.iter().map(document).collect::<Vec<_>>() });
-        say!("{document:#}");
+        say_document(document)?;
     } else {
         say_text!(closures.iter().map(text).collect::<Vec<_>>().join("\n"));
     }

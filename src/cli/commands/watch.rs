@@ -7,6 +7,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use crate::cli::args::evaluation::{self, Evaluation};
 use crate::cli::args::values::positive;
+use crate::cli::console::document::{say_document, say_line};
 use crate::cli::console::last_words::LastWords;
 use crate::cli::console::outcome::{AnyError, CommandResult, Outcome};
 use crate::cli::console::print::{say, tell};
@@ -263,7 +264,7 @@ impl Watch {
         let run = self.index.run(id)?;
         let _words = LastWords::before(Outcome::Done.code(), &STOP);
         if self.args.json_lines {
-            say!("{}", serde_json::to_string(&RunDocument::from(&run))?);
+            say_line(RunDocument::from(&run))?;
         } else if self.json {
             tell!("{}", line_of(&run).shown());
         } else {
@@ -282,7 +283,7 @@ impl Watch {
                 runs: self.ended.iter().map(RunDocument::from).collect(),
                 unfinished: self.torn.iter().cloned().collect(),
             };
-            say!("{}", serde_json::to_string_pretty(&document)?);
+            say_document(document)?;
         }
         Ok(match (self.args.once, failed, self.torn.is_empty()) {
             (true, true, _) => Outcome::No,

@@ -5,8 +5,8 @@ use std::path::Path;
 use crate::cli::console::advice::{self, Again};
 use crate::cli::console::outcome::AnyError;
 use crate::cli::console::print::with_flags;
-use crate::report::Page;
 use crate::report::page::html;
+use crate::report::{Page, page_title};
 use crate::storage::output;
 use crate::study::Study;
 use crate::study::open::Loaded;
@@ -18,7 +18,7 @@ use crate::study::open::Loaded;
 pub fn write_page(path: &Path, study: &Study, page: Page, again: &Again) -> Result<(), AnyError> {
     let advice = advice::of(&page, again);
     let files: Vec<&str> = study.recordings().iter().map(|l| l.file.as_str()).collect();
-    let title = format!("{} on rig {}", files.join(", "), page.rig.name);
+    let title = page_title(&files, page.rig);
     // a page outlives the terminal that showed the warnings
     let of = |l: &Loaded| l.window.map(|window| format!("{}: {}", l.file, window.in_words()));
     let windows: Vec<String> = study.recordings().iter().filter_map(of).collect();

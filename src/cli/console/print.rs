@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 use std::io::Write as _;
+use std::sync::{Mutex, PoisonError};
 
 use crate::shown::controls;
 use crate::shown::options::reworded;
@@ -21,7 +22,25 @@ macro_rules! say_text {
 macro_rules! tell {
     ($($arg:tt)*) => { $crate::cli::console::print::write_err(format_args!($($arg)*)) };
 }
-pub(crate) use {say, say_text, tell};
+/// A warning: a line on standard error, and an entry of the `warnings` in the next JSON document.
+macro_rules! tell_warning {
+    ($($arg:tt)*) => { $crate::cli::console::print::write_warning(&format!($($arg)*)) };
+}
+pub(crate) use {say, say_text, tell, tell_warning};
+
+/// Warnings that no document has told yet.
+static WARNINGS: Mutex<Vec<String>> = Mutex::new(Vec::new());
+
+/// Writes a warning, and keeps it for the next document.
+pub(crate) fn write_warning(text: &str) {
+    tell!("warning: {text}");
+    WARNINGS.lock().unwrap_or_else(PoisonError::into_inner).push(with_flags(text).into_owned());
+}
+
+/// The warnings since the last time that they were taken.
+pub(crate) fn take_warnings() -> Vec<String> {
+    std::mem::take(&mut WARNINGS.lock().unwrap_or_else(PoisonError::into_inner))
+}
 
 /// The text with the options that the library names (option `date_order dmy`) as flags of the command line (`--date-order dmy`).
 pub(crate) fn with_flags(text: &str) -> Cow<'_, str> {

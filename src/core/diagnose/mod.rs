@@ -53,6 +53,7 @@ use crate::diagnose::pairs::{PairFit, PairSearch};
 use crate::diagnose::refit::{Refit, refine, screen};
 use crate::diagnose::residual_patterns::{Pattern, residual_patterns};
 use crate::diagnose::screening::refits;
+use crate::diagnose::start::Start;
 use crate::diagnose::visible::visible;
 use crate::diagnose::warnings::warnings;
 use crate::fit::data::run_data::RunData;
@@ -63,7 +64,6 @@ use crate::fit::progress::{OnProgress, Progress};
 use crate::fit::search::calibrate::calibrate;
 use crate::fit::search::nested::or_from_signals;
 use crate::fit::search::options::Options;
-use crate::fit::validate::conflict::{at_bounds, conflicts, faded_noise, moved_sensors};
 use crate::fit::validate::held_out::held_out_m;
 use crate::model::effects::{Chosen, SHOWN};
 use crate::model::{Model, check_sensors};
@@ -81,8 +81,8 @@ pub fn diagnose(
     progress: &OnProgress<'_>,
 ) -> Result<Diagnosis, FitError> {
     progress(&Progress::from("the start model"));
-    let start = start::start_model(rig, runs, effects, options, progress)?;
-    diagnose_fit(rig, runs, effects, start, None, options, progress)
+    let start = Start::fitted(rig, runs, effects, options, progress)?;
+    diagnose_start(rig, runs, effects, start, None, options, progress)
 }
 
 /// The same from a start model that is fitted already, with `options`; `effects` are its effects, which may leave a number of
@@ -99,18 +99,31 @@ pub fn diagnose_fit(
     options: &Options,
     progress: &OnProgress<'_>,
 ) -> Result<Diagnosis, FitError> {
-    let baseline = Baseline::new(rig, runs, &start, options)?;
+    diagnose_start(rig, runs, effects, Start::of(start), grown, options, progress)
+}
+
+fn diagnose_start(
+    rig: &Rig,
+    runs: &[RunData],
+    effects: &[Chosen],
+    Start { fit: start, held }: Start,
+    grown: Option<&Fit>,
+    options: &Options,
+    progress: &OnProgress<'_>,
+) -> Result<Diagnosis, FitError> {
+    let from = held.as_ref().unwrap_or(&start);
+    let baseline = Baseline::new(rig, runs, from, options)?;
     let refits = refits(&baseline, progress);
     let taken = grown.map_or(0.0, |smaller| over_noise(smaller, runs).powi(2) - over_noise(&start, runs).powi(2));
     let fitter = FullFitter { rig, runs, effects, options, progress, least_fall: least_fall(runs, taken) };
-    let mut candidate_fits = candidate_fits(&baseline, &start, &refits);
-    fit(&fitter, &baseline, &start, &mut candidate_fits);
+    let mut candidate_fits = candidate_fits(&baseline, from, &refits);
+    fit(&fitter, &baseline, from, &mut candidate_fits);
     let more = MoreElements::of(&fitter, &start);
     // what the model's own effect explains needs no further search
     let explained = more.as_ref().is_some_and(|more| over_noise(&more.fit, runs) < EXPLAINED_OVER_NOISE);
     let mut pairs = PairSearch::default();
     if !explained {
-        let done = begin_afresh(&fitter, &start, &mut candidate_fits);
+        let done = begin_afresh(&fitter, from, &mut candidate_fits);
         // Where single effects stay that far away, two that get down to the noise need no further search for one.
         let any_shown = candidate_fits.iter().any(|r| r.odds(&baseline) >= SHOWN);
         if is_far(&candidate_fits, runs) && !any_shown {
@@ -192,18 +205,10 @@ pub fn diagnose_fit(
         Verdict::NothingMissing => none,
         Verdict::UnknownEffect => other,
     };
-    let mut warnings = warnings(rig, runs, &start, effects);
-    if rig_file_is_wrong {
-        warnings.push(
-            "the wave is faster than the rig file's pipe allows, whichever effect is added, and no effect makes a wave faster: correct the pipe's \
-             length, wall or material in the rig file, or the rate of the samples"
-                .into(),
-        );
-    }
     let mut diagnosis = Diagnosis {
         verdict,
         probability,
-        warnings,
+        warnings: Vec::new(),
         residual_patterns: residual_patterns(&start).iter().map(Pattern::sentence).collect(),
         candidates,
         pair,
@@ -212,8 +217,17 @@ pub fn diagnose_fit(
         held_out_m: None,
         visible: Vec::new(),
         next_test: None,
+        is_held: held.is_some(),
         start,
     };
+    diagnosis.warnings = warnings(rig, runs, &diagnosis, effects);
+    if rig_file_is_wrong {
+        diagnosis.warnings.push(
+            "the wave is faster than the rig file's pipe allows, whichever effect is added, and no effect makes a wave faster: correct the pipe's \
+             length, wall or material in the rig file, or the rate of the samples"
+                .into(),
+        );
+    }
     match verdict {
         Verdict::MissingEffect => explain(&fitter, &baseline, &candidate_fits, &mut diagnosis),
         Verdict::NothingMissing => {
@@ -449,15 +463,6 @@ fn explain(fitter: &FullFitter, baseline: &Baseline, candidate_fits: &[Candidate
     diagnosis.held_out_m = start;
     diagnosis.candidates.iter_mut().take(1).for_each(|first| first.held_out_m = with);
     let effect = diagnosis.answer_label();
-    let faded = diagnosis.answer().map(faded_noise).filter(|_| faded_noise(&diagnosis.start).is_empty());
-    diagnosis.warnings.extend(faded.into_iter().flatten());
-    // The noise may be reached with a velocity that contradicts the meter, or with a level that no gauge has: it is then the wrong scale that fits.
-    let doubts = diagnosis.answer().map_or(Vec::new(), |fit| {
-        let moved = if fit.converged { moved_sensors(fit) } else { Vec::new() };
-        [conflicts(fit, fitter.runs), at_bounds(fit), moved].concat()
-    });
-    let new: Vec<String> = doubts.into_iter().filter(|doubt| !diagnosis.warnings.contains(doubt)).collect();
-    diagnosis.warnings.extend(new.into_iter().map(|doubt| format!("with {effect}: {doubt}")));
     if diagnosis.predicts_worse() {
         diagnosis.warnings.push(format!(
             "fitted to the beginning of the records, the model with {effect} predicts the rest worse than the start model: it \

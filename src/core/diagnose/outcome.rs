@@ -91,8 +91,10 @@ pub struct Diagnosis {
     pub verdict: Verdict,
     /// The probability that it is right.
     pub probability: f64,
-    /// The start model, fitted.
+    /// The start model, fitted: the least that it leaves without what is missing.
     pub start: Fit,
+    /// The search began not at that fit but at one that keeps to what the instruments say.
+    pub is_held: bool,
     /// Reasons to doubt the rest, one sentence each.
     pub warnings: Vec<String>,
     /// Where the start model fails, one sentence each.
@@ -114,8 +116,8 @@ pub struct Diagnosis {
 }
 
 impl Diagnosis {
-    /// Whether the start model leaves so much that it is held to what the instruments say, where a free fit would leave less.
-    pub fn start_is_held(&self) -> bool {
+    /// Whether the start model leaves so much that a wrong rig file may be the cause.
+    pub fn start_is_far(&self) -> bool {
         let (rmse_m, noise_m) = self.start.pooled();
         rmse_m > START_DOUBTFUL * noise_m
     }

@@ -1,18 +1,22 @@
-//! Reasons to doubt a diagnosis before it begins: a start model that cannot be this rig's, or that was not fitted at
-//! all.
+//! Reasons to doubt a diagnosis: what was asked cannot be, or the model on which the verdict rests contradicts what is known.
+//!
+//! A model that lacks an effect bends what it has to make up for it. Where that effect was found, the bends of the model without it speak for the
+//! answer, not against it: only what is left of them with the effect is a doubt.
 
 use crate::diagnose::limits::NOT_FITTED;
+use crate::diagnose::outcome::Diagnosis;
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
-use crate::fit::validate::conflict::{conflicts, faded_noise, moved_sensors};
+use crate::fit::validate::conflict::{at_bounds, faded_noise, moved_sensors, of_fit, of_records};
 use crate::model::effects::Chosen;
 use crate::number::error_m;
 use crate::rig::Rig;
 
-/// One sentence for each reason to doubt the start model.
-pub fn warnings(rig: &Rig, runs: &[RunData], start: &Fit, effects: &[Chosen]) -> Vec<String> {
+/// One sentence for each reason; `effects` are those that the start model was asked to have.
+pub(crate) fn warnings(rig: &Rig, runs: &[RunData], diagnosis: &Diagnosis, effects: &[Chosen]) -> Vec<String> {
     let mut warnings = Vec::new();
-    let held: Vec<&str> = start.parameters.iter().filter(|p| p.held).map(|p| p.name.as_str()).collect();
+    let held = diagnosis.start.parameters.iter().filter(|p| p.held);
+    let held: Vec<&str> = held.map(|p| p.name.as_str()).collect();
     if !held.is_empty() {
         warnings.push(format!(
             "held: {}; an effect may be found only because it makes up for a wrong value",
@@ -27,36 +31,46 @@ pub fn warnings(rig: &Rig, runs: &[RunData], start: &Fit, effects: &[Chosen]) ->
             ));
         }
     }
+    warnings.extend(of_records(runs));
+    let of_model = match diagnosis.answer() {
+        Some(answer) => {
+            let with = diagnosis.answer_label();
+            of_answer(answer, runs).into_iter().map(|doubt| format!("with {with}: {doubt}")).collect()
+        }
+        None => of_start(&diagnosis.start, runs),
+    };
+    warnings.extend(of_model);
+    warnings.extend(faded_noise(diagnosis.answer().unwrap_or(&diagnosis.start)));
+    warnings
+}
+
+/// The noise may be reached with a velocity that contradicts the meter, or with a level that no gauge has: it is then the wrong scale that fits.
+fn of_answer(answer: &Fit, runs: &[RunData]) -> Vec<String> {
+    let moved = moved_sensors(answer).into_iter().filter(|_| answer.converged);
+    of_fit(answer, runs).into_iter().chain(at_bounds(answer)).chain(moved).collect()
+}
+
+/// Where nothing explains the records, or nothing is missing.
+fn of_start(start: &Fit, runs: &[RunData]) -> Vec<String> {
+    let mut doubts = Vec::new();
     let at_bound: Vec<&str> = start.parameters.iter().filter(|p| p.at_bound).map(|p| p.name.as_str()).collect();
     if !at_bound.is_empty() {
-        warnings.push(format!(
+        doubts.push(format!(
             "the start model has {} at a bound: check material, length and wall of the pipe, and its effects, before \
              believing what follows",
             at_bound.join(", ")
         ));
     }
-    let (rmse_m, signal_m) = (start.pooled().0, signal_m(start));
+    let (rmse_m, signal_m) = (start.pooled().0, start.signal_m());
     if rmse_m > NOT_FITTED * signal_m {
-        warnings.push(format!(
+        doubts.push(format!(
             "the start model leaves {} m of a signal that moves by {} m, rms: it does not follow the signal, so its residual \
              says little; start with the effects that are known to be present",
             error_m(rmse_m),
             error_m(signal_m)
         ));
     }
-    warnings.extend(conflicts(start, runs));
-    warnings.extend(moved_sensors(start).into_iter().filter(|_| start.converged));
-    warnings.extend(faded_noise(start));
-    warnings
-}
-
-/// Deviation of the measured heads from their mean, rms over all samples, m.
-fn signal_m(fit: &Fit) -> f64 {
-    let (mut square, mut n) = (0.0, 0usize);
-    for sensor in fit.runs.iter().flat_map(|r| &r.sensors) {
-        let mean = sensor.measured_m.iter().sum::<f64>() / sensor.measured_m.len().max(1) as f64;
-        square += sensor.measured_m.iter().map(|h| (h - mean).powi(2)).sum::<f64>();
-        n += sensor.measured_m.len();
-    }
-    (square / n.max(1) as f64).sqrt()
+    doubts.extend(of_fit(start, runs));
+    doubts.extend(moved_sensors(start).into_iter().filter(|_| start.converged));
+    doubts
 }

@@ -2,7 +2,7 @@
 
 use crate::model::contribution::{Implicit, NodeField};
 use crate::model::friction::ReachFriction;
-use crate::model::grid::Segment;
+use crate::model::grid::{Segment, Stencil};
 use crate::model::kernel;
 use crate::model::kernel::Terms;
 use crate::model::steady::Steady;
@@ -93,36 +93,39 @@ impl State {
     /// Appends what each probe reads now.
     #[inline]
     pub(crate) fn read(&self, traces: &mut [Trace], readings: &[Reading]) {
-        for (trace, reading) in traces.iter_mut().zip(readings) {
-            trace.values.push(match reading.flow_by_u {
-                None if self.elastic => reading.base + reading.weigh(|node| 0.5 * (self.fwd[node] + self.bwd[node])),
-                None => reading.base + reading.weigh(|node| self.h[node]),
-                Some(by_u) => by_u * reading.weigh(|node| self.u[node]),
+        for (trace, Reading { stencil, of }) in traces.iter_mut().zip(readings) {
+            trace.values.push(match of {
+                Quantity::Head(steady_m) if self.elastic => {
+                    stencil.read(|node| steady_m[node] + 0.5 * (self.fwd[node] + self.bwd[node]))
+                }
+                Quantity::Head(steady_m) => stencil.read(|node| steady_m[node] + self.h[node]),
+                Quantity::Flow { by_u } => by_u * stencil.read(|node| self.u[node]),
             });
         }
     }
 }
 
 /// A probe on the grid.
-pub(crate) struct Reading {
-    stencil: Vec<(usize, f64)>,
-    /// Steady head, which the state's deviations are counted from.
-    base: f64,
-    /// `1/B` where the flow is read.
-    flow_by_u: Option<f64>,
+pub(crate) struct Reading<'a> {
+    stencil: Stencil,
+    of: Quantity<'a>,
 }
 
-impl Reading {
-    pub(crate) fn new(probe: Probe, steady: &Steady) -> Reading {
-        let (segment, stencil) = steady.grid.stencil(probe.position_m());
-        let base = stencil.iter().map(|&(node, weight)| weight * steady.head_m[node]).sum();
-        let flow_by_u = matches!(probe, Probe::Flow(_)).then(|| 1.0 / steady.grid.segments[segment].impedance);
-        Reading { stencil, base, flow_by_u }
-    }
+/// What it reads.
+enum Quantity<'a> {
+    /// Heads, which the state counts from those of the steady flow.
+    Head(&'a [f64]),
+    /// Flow, `1/B` times the state's.
+    Flow { by_u: f64 },
+}
 
-    /// What the stencil makes of the values at its nodes.
-    #[inline]
-    fn weigh(&self, of: impl Fn(usize) -> f64) -> f64 {
-        self.stencil.iter().map(|&(node, w)| w * of(node)).sum()
+impl<'a> Reading<'a> {
+    pub(crate) fn new(probe: Probe, steady: &'a Steady) -> Reading<'a> {
+        let stencil = steady.grid.stencil(probe.position_m());
+        let of = match probe {
+            Probe::Head(_) => Quantity::Head(&steady.head_m),
+            Probe::Flow(_) => Quantity::Flow { by_u: 1.0 / steady.grid.segments[stencil.segment].impedance },
+        };
+        Reading { stencil, of }
     }
 }

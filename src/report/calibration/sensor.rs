@@ -28,13 +28,14 @@ pub(crate) fn section(index: usize, panel: &Panel, page: &Page) -> String {
 <div class="live" data-panel="{index}" hidden>
 <div class="tools"><span class="hint">Drag to zoom, double-click to see all. Click a name to hide its curve.</span><span class="buttons"></span></div>
 <h4><span class="quantity">Head</span>, <span class="unit">m</span></h4><div class="legend" data-of="head"></div><div class="plot head" role="img" aria-label="Measured and modelled head at {name} over time"></div>
-<h4>Model − measured, <span class="unit">m</span></h4><div class="legend" data-of="residual"></div><div class="plot residual" role="img" aria-label="Modelled minus measured head at {name} over time"></div>
+<h4>Model − measured, <span class="unit">m</span></h4>{}
 </div>
 <div class="still">
 "#,
         significant(fit.position_m, 4),
         escape(panel.file),
         facts(panel, stages),
+        residuals(&name, stages),
     );
     out.push_str(&still(panel, stages, page.prediction.map(|p| p.known_until_s)));
     out.push_str("</div>\n");
@@ -53,6 +54,17 @@ pub(crate) fn section(index: usize, panel: &Panel, page: &Page) -> String {
     out.push_str(&extrema(&fit.extrema, fit.noise_m, &fit.name));
     out.push_str("</section>\n");
     out
+}
+
+/// A place for the residual of each model: each has a scale of its own, for a good model's is a line beside a poor one's.
+fn residuals(sensor: &str, stages: &[Stage]) -> String {
+    let of = |(i, stage): (usize, &Stage)| {
+        format!(
+            r#"<div class="legend" data-of="residual-{i}"></div><div class="plot residual" data-stage="{i}" role="img" aria-label="{}, modelled minus measured head at {sensor} over time"></div>"#,
+            escape(&stage.title)
+        )
+    };
+    stages.iter().enumerate().map(of).collect::<Vec<_>>().join("\n")
 }
 
 fn facts(panel: &Panel, stages: &[Stage]) -> String {
@@ -89,14 +101,15 @@ fn still(panel: &Panel, stages: &[Stage], ahead_from_s: Option<f64>) -> String {
     let c = &panel.curves;
     let style = |i: usize| Style::line(colour(i, stages.len()));
     let mut head = vec![line("measured", c, &c.measured_m, Style::measured())];
-    let mut residual = Vec::new();
+    let last = c.models_m.len().saturating_sub(1);
     if let Some(model) = c.models_m.last().filter(|_| !c.band_m.is_empty()) {
         head.push(band(c, model));
-        residual.push(band(c, &vec![0.0; model.len()]));
     }
+    let mut residuals: Vec<Vec<Series>> = Vec::new();
     for (i, (stage, (model, rest))) in stages.iter().zip(c.models_m.iter().zip(&c.residuals_m())).enumerate() {
         head.push(line(&stage.title, c, model, style(i)));
-        residual.push(line(&stage.title, c, rest, style(i)));
+        let band = (i == last && !c.band_m.is_empty()).then(|| band(c, &vec![0.0; model.len()]));
+        residuals.push(band.into_iter().chain([line(&stage.title, c, rest, style(i))]).chain(limits(panel)).collect());
     }
     for overlay in &panel.overlays {
         let points = overlay.time_s.iter().copied().zip(overlay.head_m.iter().copied()).collect();
@@ -106,12 +119,6 @@ fn still(panel: &Panel, stages: &[Stage], ahead_from_s: Option<f64>) -> String {
             style: Style { class: "overlay", ..Style::points(3) },
         });
     }
-    if let (Some(&from), Some(&to), true) = (c.time_s.first(), c.time_s.last(), panel.fit.noise_m > 0.0) {
-        let (level, gap) = (2.0 * panel.fit.noise_m, f64::NAN);
-        let points = vec![(from, level), (to, level), (gap, gap), (from, -level), (to, -level)];
-        let style = Style { class: "limit", colour: "#222", dash: "5 4", width: 1.5, points: false, area: false };
-        residual.push(Series { label: "±2 × noise".into(), points, style });
-    }
     let chart = |y_label: &str, series| LineChart {
         x_label: X_LABEL.into(),
         y_label: y_label.into(),
@@ -119,7 +126,20 @@ fn still(panel: &Panel, stages: &[Stage], ahead_from_s: Option<f64>) -> String {
         marks: ahead_from_s.map(|from| (from, "predicted from here".to_owned())).into_iter().collect(),
         ..LineChart::default()
     };
-    chart(HEAD_LABEL, head).to_svg(900.0, 330.0) + &chart(RESIDUAL_LABEL, residual).to_svg(900.0, 220.0)
+    let residuals = residuals.into_iter().map(|series| chart(RESIDUAL_LABEL, series).to_svg(900.0, 220.0));
+    chart(HEAD_LABEL, head).to_svg(900.0, 330.0) + &residuals.collect::<String>()
+}
+
+/// Two standard deviations of the noise, on either side.
+fn limits(panel: &Panel) -> Option<Series> {
+    let time_s = &panel.curves.time_s;
+    let (&from, &to) = (time_s.first()?, time_s.last()?);
+    (panel.fit.noise_m > 0.0).then(|| {
+        let (level, gap) = (2.0 * panel.fit.noise_m, f64::NAN);
+        let points = vec![(from, level), (to, level), (gap, gap), (from, -level), (to, -level)];
+        let style = Style { class: "limit", colour: "#222", dash: "5 4", width: 1.5, points: false, area: false };
+        Series { label: "±2 × noise".into(), points, style }
+    })
 }
 
 /// The 95% band around a curve.

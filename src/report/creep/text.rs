@@ -1,6 +1,6 @@
 //! A creep test as text and as JSON.
 
-use serde_json::{Value, json};
+use serde_json::json;
 
 use crate::creep::outcome::{CreepFit, TestFit};
 use crate::creep::thresholds::OPEN_ERROR;
@@ -159,10 +159,7 @@ pub(crate) fn curve(fit: &CreepFit) -> Vec<(f64, f64, f64, f64)> {
 /// `factors` (list of `temperature_degC`, `factor`, `standard_error`), `arrhenius` and `wlf`, or `null`; `rms_per_GPa`, `noise_per_GPa`,
 /// `noise_kind`, `variance_inflation`; `tests`: list of `file`, `temperature_degC`, `samples`, `rms_per_GPa`, `noise_per_GPa`,
 /// `shift_factor`; `tried`: list of `elements`, `rms_over_noise`, `bic_above_best`; `remarks`.
-///
-/// # Errors
-/// Only what [`serde_json`] may report; plain data like this gives it no cause.
-pub fn json(fit: &CreepFit) -> serde_json::Result<String> {
+pub fn document(fit: &CreepFit) -> serde_json::Value {
     let error = |value: f64, j: usize| value * fit.relative_errors[j];
     let interval = |value: f64, j: usize| {
         let (low, high) = fit.interval(value, fit.relative_errors[j]);
@@ -204,7 +201,7 @@ pub fn json(fit: &CreepFit) -> serde_json::Result<String> {
     let tried = fit.tried.iter().map(
         |t| json!({ "elements": t.elements, "rms_over_noise": t.rms_over_noise, "bic_above_best": t.bic_above_best }),
     );
-    let document: Value = json!({
+    json!({
         "J0_per_GPa": j0, "J0_standard_error": error(j0, 0), "J0_interval": interval(j0, 0),
         "J0_within_s": fit.first_reading_s(),
         "elements": elements.collect::<Vec<_>>(),
@@ -217,6 +214,5 @@ pub fn json(fit: &CreepFit) -> serde_json::Result<String> {
         "rms_per_GPa": fit.rms_per_pa() * PER_GPA, "noise_per_GPa": fit.noise_per_pa() * PER_GPA,
         "noise_kind": fit.noise.name(), "variance_inflation": fit.inflation,
         "tests": tests.collect::<Vec<_>>(), "tried": tried.collect::<Vec<_>>(), "remarks": fit.remarks,
-    });
-    serde_json::to_string(&document)
+    })
 }

@@ -198,6 +198,7 @@ mod tests {
             left_out: vec![("moving-valve", "for a <reason>".into())],
             residual_patterns: vec!["P1: <much> too high".into()],
             next_test: next_test.map(str::to_owned),
+            is_held: false,
             candidates,
         };
         let rig = Rig::from_toml(RIG, "rig.toml").unwrap();

@@ -46,7 +46,7 @@ struct StartModel<'a> {
     effects: Vec<String>,
     rmse_m: f64,
     noise_m: f64,
-    /// Held to what the instruments say: a free fit leaves less.
+    /// The search began at a fit that keeps to what the instruments say.
     held: bool,
     held_out_m: Option<f64>,
     parameters: Vec<Parameter>,
@@ -88,13 +88,21 @@ struct Rival<'a> {
 ///
 /// # Errors
 /// None in practice: all values can be written.
-pub fn json(diagnoses: &[Diagnosis], faults: &[SensorFault]) -> serde_json::Result<String> {
+pub fn value(diagnoses: &[Diagnosis], faults: &[SensorFault]) -> serde_json::Result<serde_json::Value> {
     let mut last = serde_json::to_value(diagnoses.last().map(document))?;
     last["sensor_faults"] = serde_json::to_value(faults)?;
     if diagnoses.len() > 1 {
         last["steps"] = serde_json::to_value(diagnoses.iter().map(document).collect::<Vec<_>>())?;
     }
-    serde_json::to_string_pretty(&last)
+    Ok(last)
+}
+
+/// The same as text.
+///
+/// # Errors
+/// None in practice: all values can be written.
+pub fn json(diagnoses: &[Diagnosis], faults: &[SensorFault]) -> serde_json::Result<String> {
+    serde_json::to_string_pretty(&value(diagnoses, faults)?)
 }
 
 fn document(diagnosis: &Diagnosis) -> Document<'_> {
@@ -107,7 +115,7 @@ fn document(diagnosis: &Diagnosis) -> Document<'_> {
             effects: diagnosis.start.labels(),
             rmse_m,
             noise_m,
-            held: diagnosis.start_is_held(),
+            held: diagnosis.is_held,
             held_out_m: diagnosis.held_out_m,
             parameters: diagnosis.start.parameters.iter().map(Parameter::from).collect(),
         },
@@ -162,12 +170,7 @@ const SHOWN: usize = 5;
 pub fn text(diagnosis: &Diagnosis) -> String {
     let (rmse_m, noise_m) = diagnosis.start.pooled();
     let model = name_of(&diagnosis.start.effects);
-    let held = if diagnosis.start_is_held() {
-        " (kept close to what the instruments read; a free fit leaves less error, but contradicts them)"
-    } else {
-        ""
-    };
-    let mut out = format!("{model}: RMSE {} m, noise {} m{held}\n", error_m(rmse_m), error_m(noise_m));
+    let mut out = format!("{model}: RMSE {} m, noise {} m\n", error_m(rmse_m), error_m(noise_m));
     for sentence in &diagnosis.residual_patterns {
         let _ = writeln!(out, "  {sentence}");
     }
@@ -187,7 +190,7 @@ pub fn text(diagnosis: &Diagnosis) -> String {
             let nearest = nearest
                 .map_or(String::new(), |c| format!("; the nearest, {}, leaves {} m", c.effect, error_m(c.rmse_m)));
             let p = probability(diagnosis.probability);
-            let check = match diagnosis.start_is_held() {
+            let check = match diagnosis.start_is_far() {
                 true => "\nCheck the rig file first: a wrong length, wall, bore or place of a sensor looks alike.",
                 false => "",
             };

@@ -90,8 +90,9 @@ fn recorded(run: &Run) -> Option<chrono::DateTime<chrono::Utc>> {
     (run.recorded_unix_ns > 0).then(|| chrono::DateTime::from_timestamp_nanos(run.recorded_unix_ns))
 }
 
+/// What `history --json` prints.
 #[derive(Serialize)]
-struct Document<'a> {
+pub struct Document<'a> {
     rig: &'a str,
     effects: &'a [String],
     in_force: Option<InForce<'a>>,
@@ -146,10 +147,7 @@ struct SlopeDocument {
 /// The JSON document of `history`. `parameters` are those of the model in force, `values` what sound runs (nothing missing, or accepted by
 /// hand) and others have of it; `drift` counts the sound ones: `per_run` and `per_kelvin` with their 95% `interval`, determined `together`
 /// or each alone; `scatter` is the standard deviation from run to run beyond the errors. `runs` as in `watch --json`.
-///
-/// # Errors
-/// None in practice: all values can be written.
-pub fn json(history: &History) -> serde_json::Result<String> {
+pub fn document(history: &History) -> Document<'_> {
     let slope = |s: Slope| SlopeDocument { value: s.value, interval: [s.low, s.high] };
     let drift = |d: Drift| DriftDocument {
         mean: d.mean,
@@ -176,13 +174,21 @@ pub fn json(history: &History) -> serde_json::Result<String> {
         values.sort_by_key(|v| v.run);
         ParameterDocument { name: &p.name, unit: &p.unit, values, drift: p.drift.map(drift) }
     });
-    serde_json::to_string_pretty(&Document {
+    Document {
         rig: &history.rig,
         effects: &history.effects,
         in_force: history.in_force.as_ref().map(|a| InForce { file: &a.file, when: &a.when, how: &a.how }),
         runs: history.runs.iter().map(RunDocument::from).collect(),
         parameters: parameters.collect(),
-    })
+    }
+}
+
+/// The same as text.
+///
+/// # Errors
+/// None in practice: all values can be written.
+pub fn json(history: &History) -> serde_json::Result<String> {
+    serde_json::to_string_pretty(&document(history))
 }
 
 /// The runs as CSV, one a line; a parameter's standard error stands in a column `NAME_se` behind it.

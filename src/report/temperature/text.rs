@@ -210,10 +210,7 @@ pub(crate) fn degrees(family: &Family) -> Vec<f64> {
 /// `chance` (that the line holds, of scatter as large), `contradicted`; `together`, or `null`: `shift`, `modulus`, `vertical`, `parameters` (list
 /// of `name`, `value`, `standard_error`, `interval`, `unit`, `at_bound`), `comparison` (`f`, `parameters_saved`, `effective_samples_left`, `chance`,
 /// `bic_difference`, `verdict`: `describe`, `nearly` or `fail`) or `null`, `converged`; `remarks`.
-///
-/// # Errors
-/// Only what [`serde_json`] may report; plain data like this gives it no cause.
-pub fn json(family: &Family) -> serde_json::Result<String> {
+pub fn document(family: &Family) -> Value {
     let runs = family.members.iter().zip(&family.fits).enumerate().map(|(r, (m, fit))| {
         let (together, moved) =
             family.together.as_ref().map(|t| (t.runs[r].together_m, t.runs[r].temperature_degc)).unzip();
@@ -239,12 +236,11 @@ pub fn json(family: &Family) -> serde_json::Result<String> {
             "chance": t.line.chance, "contradicted": t.line.is_contradicted(),
         }))
     });
-    let document: Value = json!({
+    json!({
         "effects": family.effects, "reference_degC": family.reference_degc,
         "runs": runs.collect::<Vec<_>>(), "trends": trends.collect::<Vec<_>>(),
         "together": family.together.as_ref().map(of_together), "remarks": family.remarks,
-    });
-    serde_json::to_string(&document)
+    })
 }
 
 fn of_together(together: &Together) -> Value {

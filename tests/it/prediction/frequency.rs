@@ -201,9 +201,23 @@ fn the_view_shows_where_a_model_has_its_harmonics() {
         assert!((first["shift_percent"].as_f64().unwrap() - shift).abs() < 1e-9 && shift.abs() > 0.05, "{first}");
         (ratio - 1.0).abs()
     };
-    assert!(off(&view("viscoelastic-wall:2")) < 0.01);
-    assert!(off(&view("none")) > 0.05);
-    let alone = done(&["frequency", own]);
+    let (wall, base, alone) = (view("viscoelastic-wall:2"), view("none"), done(&["frequency", own]));
+    assert!(off(&wall) < 0.01);
+    assert!(off(&base) > 0.05);
+    // What the record has is the same, whatever the model.
+    let of_record = |answer: &Value| {
+        let harmonics = |sensor: &Value| sensor["harmonics"].as_array().unwrap().clone();
+        let kept = |h: &Value| ["number", "ideal_hz", "shift_percent", "record"].map(|key| h[key].clone());
+        let sensors = answer["sensors"].as_array().unwrap();
+        sensors.iter().flat_map(harmonics).map(|h| kept(&h)).collect::<Vec<_>>()
+    };
+    assert_eq!(of_record(&wall), of_record(&alone));
+    assert_eq!(of_record(&base), of_record(&alone));
+    // A model whose recordings are gone may be of another pipe.
+    let moved = path("moved.toml");
+    let model = std::fs::read_to_string(path("none.toml")).unwrap();
+    std::fs::write(&moved, model.replace("hdpe-creep.mcap", "gone.mcap")).unwrap();
+    refused(&["frequency", own, "--model", &moved], &["cannot be read", "--other-rig"]);
     assert!(alone["effects"].is_null() && alone["sensors"].as_array().unwrap().len() == 3);
     assert!(alone["sensors"][0]["harmonics"][0]["model"].is_null());
     refused(&["calibrate", own, "--misfit", "frequency", "--method", "global"], &[]);

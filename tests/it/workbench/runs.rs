@@ -135,7 +135,9 @@ fn drift_is_what_history_says() {
     assert!(bench.refused("/api/history").contains("watch"), "it says what makes an index");
     done_in(folder.path(), &["watch", ".", "--once", "--effects", "none"]);
     let by_page: Value = serde_json::from_slice(&bench.get("/api/history")).unwrap();
-    assert_eq!(by_page[0], done_in(folder.path(), &["history", "--folder", "."]));
+    let mut by_command = done_in(folder.path(), &["history", "--folder", "."]);
+    let told = by_command.as_object_mut().unwrap().remove("warnings");
+    assert_eq!((&by_page[0], told), (&by_command, Some(json!([]))));
     assert_eq!(by_page[0]["parameters"][0]["values"].as_array().unwrap().len(), 3);
 }
 

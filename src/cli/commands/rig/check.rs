@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 use serde_json::{Map, Value, json};
 
 use crate::cli::args::values::positive;
+use crate::cli::console::document::say_document;
 use crate::cli::console::outcome::{CommandResult, Outcome};
-use crate::cli::console::print::{say, say_text};
+use crate::cli::console::print::say_text;
 use crate::cli::console::progress::busy;
 use crate::recording::Recording;
 use crate::rig::check::{Finding, Level, check};
@@ -63,7 +64,7 @@ pub fn run(args: &Args, json: bool) -> CommandResult {
     }
     let worst = findings.iter().map(|f| f.level).max().unwrap_or(Level::Fine);
     if json {
-        say!("{}", document(&args.rig, args.recording.as_deref(), worst, &findings, &faults));
+        say_document(document(&args.rig, args.recording.as_deref(), worst, &findings, &faults))?;
     } else {
         say_text!(table(&findings));
     }

@@ -11,6 +11,7 @@ use crate::cli::args::import_options::ForeignArgs;
 use crate::cli::args::values::{not_negative, pair};
 use crate::cli::commands::rig::check;
 use crate::cli::console::ask::{BACK, Dialogue};
+use crate::cli::console::document::say_document;
 use crate::cli::console::outcome::{AnyError, CommandResult, Outcome};
 use crate::cli::console::print::{say, say_text, tell};
 use crate::draft::answers::{
@@ -150,10 +151,9 @@ pub fn run(mut args: Args, json: bool) -> CommandResult {
                 "unit_guessed": !told.unit.why.is_empty(), "position_guessed": !told.position_m.why.is_empty() })
         };
         let sensors: Vec<Value> = rig.sensors.iter().zip(&draft.sensors).map(sensor).collect();
-        say!(
-            "{:#}",
-            json!({ "rig": args.output, "assumed": assumed, "left_out": left_out, "doubts": doubts, "sensors": sensors })
-        );
+        say_document(
+            json!({ "rig": args.output, "assumed": assumed, "left_out": left_out, "doubts": doubts, "sensors": sensors }),
+        )?;
     } else {
         let doubtful = |doubt: String| Finding::new(Level::Warning, "the file", doubt, &[]);
         findings.extend(doubts.into_iter().map(doubtful));

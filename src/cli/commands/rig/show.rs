@@ -4,8 +4,9 @@ use std::path::PathBuf;
 
 use serde_json::json;
 
+use crate::cli::console::document::say_document;
 use crate::cli::console::outcome::{CommandResult, Outcome};
-use crate::cli::console::print::{say, say_text, tell};
+use crate::cli::console::print::{say_text, tell};
 use crate::report::rig_drawing;
 use crate::rig::{Rig, SensorKind};
 use crate::shown::Shown as _;
@@ -40,7 +41,7 @@ pub fn run(args: &Args, json: bool) -> CommandResult {
             "rig": args.rig, "name": rig.name, "length_m": rig.length_m(), "svg": args.svg,
             "pressure_sensors": sensors.map(|s| json!({ "name": s.name, "position_m": s.position_m })).collect::<Vec<_>>(),
         });
-        say!("{document:#}");
+        say_document(document)?;
     } else if args.svg.is_none() {
         say_text!(rig_drawing::text(&rig));
     }

@@ -252,4 +252,15 @@ impl Fit {
         let mean = |f: &dyn Fn(&RunFit) -> f64| (runs().map(|r| weight(r) * f(r).powi(2)).sum::<f64>() / total).sqrt();
         (mean(&|r| r.rmse_m), mean(&|r| r.noise_m))
     }
+
+    /// Deviation of the measured heads from each sensor's mean, rms over all samples, m: what a model that is a constant leaves.
+    pub fn signal_m(&self) -> f64 {
+        let (mut square, mut n) = (0.0, 0usize);
+        for sensor in self.runs.iter().flat_map(|r| &r.sensors) {
+            let mean = sensor.measured_m.iter().sum::<f64>() / sensor.measured_m.len().max(1) as f64;
+            square += sensor.measured_m.iter().map(|h| (h - mean).powi(2)).sum::<f64>();
+            n += sensor.measured_m.len();
+        }
+        (square / n.max(1) as f64).sqrt()
+    }
 }

@@ -6,13 +6,17 @@ use crate::fit::problem::parameters::placed_sensor;
 use crate::fit::validate::thresholds::{CONFLICT_SD, LACKING_RATIO, PRIOR_CONFLICT_SD};
 use crate::number::{error_m, significant, to_error};
 
-/// One sentence for each conflict; for a fit that did not end at an optimum, only those of the recordings.
+/// One sentence for each conflict of the recordings or of the fit.
 pub fn conflicts(fit: &Fit, runs: &[RunData]) -> Vec<String> {
-    let mut sentences: Vec<String> = runs.iter().flat_map(of_record).collect();
+    [of_records(runs), of_fit(fit, runs)].concat()
+}
+
+/// One sentence for each conflict of a fit; none for one that did not end at an optimum.
+pub fn of_fit(fit: &Fit, runs: &[RunData]) -> Vec<String> {
     if !fit.converged {
-        return sentences;
+        return Vec::new();
     }
-    sentences.extend(runs.iter().flat_map(|run| of_run(fit, run)));
+    let mut sentences: Vec<String> = runs.iter().flat_map(|run| of_run(fit, run)).collect();
     sentences.extend(fit.parameters.iter().filter(|p| beyond_tolerance(p)).filter_map(stands));
     let noise = fit.runs.iter().map(|r| r.noise_m).fold(f64::INFINITY, f64::min);
     if fit.grid_error_m > 0.5 * noise {
@@ -124,6 +128,11 @@ fn stands(place: &FittedParameter) -> Option<String> {
             place.value
         )
     })
+}
+
+/// One sentence for each conflict of the recordings with the rig file, whatever the model.
+pub fn of_records(runs: &[RunData]) -> Vec<String> {
+    runs.iter().flat_map(of_record).collect()
 }
 
 /// Where a run's record contradicts the rig file.

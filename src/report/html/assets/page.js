@@ -1,4 +1,4 @@
-// Turns each sensor's data into two charts with one time axis: head above, model - measured below.
+// Turns each sensor's data into charts with one time axis: head above, model - measured below, a chart with a scale of its own for each model.
 "use strict";
 (() => {
   const data = JSON.parse(document.getElementById("data").textContent);
@@ -159,30 +159,28 @@
     const head = [{ label: "measured", colour: "--measured", dash: [], width: 6, show: true },
       ...data.stages.map((s) => stage(s, true, 1.5)),
       ...p.overlays.map((o) => ({ label: o.label, colour: "--overlay", dash: [], width: 0, show: true, points: true }))];
-    const rest = data.stages.map((s) => stage(s, true, 1));
     // Upper and lower edge of the band around the last model.
     const edges = (middle) => [1, -1].map((sign) => p.band.map((half, k) => (half == null || middle(k) == null ? null : middle(k) + sign * half)));
     const edge = { colour: "--band", dash: [], width: 0, show: true };
     const banded = p.band.length > 0 ? [{ ...edge, label: "95% band", band: true }, { ...edge, label: "", lower: true }] : [];
     head.push(...banded);
-    rest.push(...banded);
     const last = p.models[p.models.length - 1];
-    const restPoints = [p.x, ...p.models.map((m) => m.map((v, k) => (v == null || p.measured[k] == null ? null : v - p.measured[k])))];
+    const rests = p.models.map((m) => ({ points: [p.x, m.map((v, k) => (v == null || p.measured[k] == null ? null : v - p.measured[k]))], banded: m === last ? banded : [] }));
     let headPoints = [p.x, p.measured, ...p.models];
     if (p.overlays.length) headPoints = uPlot.join([headPoints, ...p.overlays.map((o) => [o.x, o.y])]);
     if (banded.length) {
       const around = edges((k) => last[k]);
       headPoints = p.overlays.length ? uPlot.join([headPoints, [p.x, ...around]]) : [...headPoints, ...around];
-      restPoints.push(...edges(() => 0));
+      rests.at(-1).points.push(...edges(() => 0));
     }
 
     const full = { min: headPoints[0][0], max: headPoints[0][headPoints[0].length - 1] };
     if (!(full.max > full.min)) full.max = full.min + 1;
-    const pair = [];
-    const show = (range) => pair.forEach((u) => u.setScale("x", range));
+    const charted = [];
+    const show = (range) => charted.forEach((u) => u.setScale("x", range));
     const zoomed = (u) => {
       const { min, max } = u.scales.x;
-      for (const other of pair) {
+      for (const other of charted) {
         if (other !== u && (other.scales.x.min !== min || other.scales.x.max !== max)) other.setScale("x", { min, max });
       }
     };
@@ -191,34 +189,34 @@
     const inUnit = (columns, zero) => columns.map((c, i) => (i === 0 ? c : c.map((v) => (v == null ? v : v * unitOf(p).per_m + zero))));
     const shared = { key: `panel-${index}`, zoomed, reset: () => show(full), unit: () => unitOf(p).name };
     const element = (name) => live.querySelector(name);
-    pair.push(plot(element(".plot.head"), element('.legend[data-of="head"]'), headPoints, head,
+    charted.push(plot(element(".plot.head"), element('.legend[data-of="head"]'), headPoints, head,
       { ...shared, high: 320, low: 250, decimals: () => Math.max(0, clear() - 1), over: ahead, range: (u, min, max) => padded(min, max) }));
-    pair.push(plot(element(".plot.residual"), element('.legend[data-of="residual"]'), restPoints, rest,
-      { ...shared, high: 220, low: 190, decimals: clear, over: (u) => { limits(noise)(u); ahead(u); }, xLabel: "time after the start of the closure, s",
-        range: (u, min, max) => padded(Math.min(min ?? 0, -2.5 * noise()), Math.max(max ?? 0, 2.5 * noise())) }));
+    rests.forEach(({ points, banded }, i) => charted.push(plot(element(`.plot.residual[data-stage="${i}"]`), element(`.legend[data-of="residual-${i}"]`), points, [stage(data.stages[i], true, 1), ...banded],
+      { ...shared, high: 220, low: 190, decimals: clear, over: (u) => { limits(noise)(u); ahead(u); }, xLabel: i === rests.length - 1 ? "time after the start of the closure, s" : null,
+        range: (u, min, max) => padded(Math.min(min ?? 0, -2.5 * noise()), Math.max(max ?? 0, 2.5 * noise())) })));
     show(full);
     switched.push(() => {
-      const { min, max } = pair[0].scales.x;
-      pair[0].setData(inUnit(headPoints, unitOf(p).zero), false);
-      pair[1].setData(inUnit(restPoints, 0), false);
+      const { min, max } = charted[0].scales.x;
+      charted[0].setData(inUnit(headPoints, unitOf(p).zero), false);
+      rests.forEach(({ points }, i) => charted[i + 1].setData(inUnit(points, 0), false));
       show({ min, max });
       texts(live.closest(".sensor"), unitOf(p));
     });
 
     if (p.noise > 0) {
-      const key = element('.legend[data-of="residual"]').appendChild(document.createElement("span"));
+      const key = element('.legend[data-of="residual-0"]').appendChild(document.createElement("span"));
       key.className = "key";
       key.innerHTML = swatch({ colour: "--text", width: 1, dash: [5, 4] });
       key.append("\u00b12 × noise");
     }
     const time = element('.legend[data-of="head"]').appendChild(document.createElement("span"));
     time.className = "time";
-    pair[0].hooks.setCursor.push((u) => {
+    charted[0].hooks.setCursor.push((u) => {
       time.textContent = u.cursor.left >= 0 ? `t = ${fixed(u.posToVal(u.cursor.left, "x"), 4)} s` : "";
     });
     // The same by buttons, for keyboards and touch screens.
     const move = (factor, shift) => () => {
-      const { min, max } = pair[0].scales.x, width = Math.min(full.max - full.min, (max - min) * factor);
+      const { min, max } = charted[0].scales.x, width = Math.min(full.max - full.min, (max - min) * factor);
       let from = (min + max) / 2 - width / 2 + shift * (max - min);
       from = Math.max(full.min, Math.min(full.max - width, from));
       show({ min: from, max: from + width });

@@ -1,32 +1,34 @@
 //! `surgescope demo`: the whole story, on a recording that ships with the project or with another effect hidden in a simulated test.
 
+mod hidden;
+
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 
 use serde_json::json;
 
 use crate::cli::args::recordings;
+use crate::cli::commands::demo::hidden::Hidden;
 use crate::cli::commands::open;
 use crate::cli::console::advice::Again;
 use crate::cli::console::ask::agreed;
+use crate::cli::console::document::say_document;
 use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::page::write_page;
 use crate::cli::console::print::{say, say_text, tell};
 use crate::cli::console::progress::shown;
 use crate::diagnose::Diagnosis;
 use crate::fit::outcome::fit::Fit;
-use crate::model::effects::{CATALOGUE, Chosen, parse_list};
+use crate::model::effects::CATALOGUE;
 use crate::report::advice::quoted;
 use crate::report::calibration::text as table;
 use crate::report::diagnosis::text as diagnosis;
-use crate::report::effects::example::Example;
 use crate::report::inspection::text::table as inspection;
 use crate::report::view::summary;
 use crate::report::{Page, Stage, title};
 use crate::results::fit_record::now;
 use crate::rig::Rig;
 use crate::shown::Shown as _;
-use crate::simulate::scenario::Scenario;
 use crate::storage::output::{same_file, write};
 use crate::study::{Study, models};
 
@@ -39,6 +41,9 @@ pub struct Args {
     /// Hide this effect in the test; without it, a shipped test of a pipe whose wall creeps is played.
     #[arg(long, value_name = "EFFECT")]
     hidden: Option<String>,
+    /// Draw the hidden effect's values and the noise: the same number gives the same test [default: the values where a fit starts].
+    #[arg(long, value_name = "N", requires = "hidden")]
+    seed: Option<u64>,
     /// List the effects that can be hidden.
     #[arg(long, conflicts_with = "hidden")]
     list: bool,
@@ -49,9 +54,9 @@ pub struct Args {
 
 /// A recording of an HDPE pipe made by a simulator that shares nothing with this program; see recordings/README.md.
 #[cfg_attr(not(unix), allow(dead_code))]
-const RECORDING: &[u8] = include_bytes!("../../../recordings/hdpe-creep.mcap");
+const RECORDING: &[u8] = include_bytes!("../../../../recordings/hdpe-creep.mcap");
 /// The rig it was made on, with its sensors wired to an acquisition device.
-const RIG: &str = include_str!("../../../rigs/demo-hdpe.toml");
+const RIG: &str = include_str!("../../../../rigs/demo-hdpe.toml");
 
 /// The files that a demonstration leaves.
 struct Files {
@@ -69,14 +74,17 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     if args.list {
         return list(json);
     }
-    let hidden = args.hidden.as_deref().map(hidden).transpose()?;
+    let hidden = match &args.hidden {
+        Some(name) => Hidden::in_a_test(name, args.seed)?,
+        None => Hidden::shipped(),
+    };
     std::fs::create_dir_all(&args.output)
         .map_err(|e| format!("cannot make the folder {}: {e}", args.output.shown()))?;
     let rig = Rig::from_toml(RIG, "rigs/demo-hdpe.toml")?;
     let files = free_names(&args.output);
     write(&files.rig, RIG)?;
 
-    let what = hidden.as_ref().map_or(String::new(), |_| " in which an effect is hidden".into());
+    let what = if hidden.scenario.is_some() { " in which an effect is hidden" } else { "" };
     say(
         json,
         &format!(
@@ -84,7 +92,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             rig.name, args.speed
         ),
     )?;
-    let outcome = record(&rig, hidden.as_ref().map(|(_, scenario)| scenario), &files.recording, args.speed)?;
+    let outcome = record(&rig, &hidden, &files.recording, &args)?;
 
     let mut study = recordings::open(std::slice::from_ref(&files.recording), None)?;
     say(
@@ -129,11 +137,10 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         Page { stages, diagnoses: std::slice::from_ref(&found), ..Page::of(&rig) },
         &again,
     )?;
-    let hidden = hidden.map(|(chosen, _)| chosen);
     if json {
-        say!("{:#}", document(&study, &files, hidden.as_ref(), &base, &found));
+        say_document(document(&study, &files, &hidden, &base, &found))?;
     } else {
-        say!("{}", farewell(&files, hidden.as_ref(), &found));
+        say!("{}\n{}", farewell(&files), hidden.text(&found));
         if std::io::stdin().is_terminal() && std::io::stdout().is_terminal() && agreed("\nOpen it in the workbench?")? {
             return open::run(open::Args::of(&files.model), json);
         }
@@ -141,19 +148,16 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     Ok(outcome)
 }
 
-/// The answer beside the truth, and how to go on.
-fn farewell(files: &Files, hidden: Option<&Chosen>, found: &Diagnosis) -> String {
-    let truth = hidden.map_or(String::new(), |hidden| {
-        format!("\nHidden was {}; the diagnosis says: {}.\n", hidden.effect.name(), found.answer_label())
-    });
+/// How to go on.
+fn farewell(files: &Files) -> String {
     let program = program();
     let [recording, rig, model, report] =
         [&files.recording, &files.rig, &files.model, &files.report].map(|path| quoted(&path.shown()));
     format!(
-        "{truth}\n6. Look. Open {report} in a browser: measurement, models, residuals, candidates, parameters.\n   The models are in \
+        "\n6. Look. Open {report} in a browser: measurement, models, residuals, candidates, parameters.\n   The models are in \
          {model}, the rig is in {rig}: both are yours to edit.\n   Next:\n     {program} open {model}\n     {program} model {model}\n     {program} diagnose \
          {recording} --apply {model}\n     {program} demo --list\n   and your own test: `{program} rig new`, then `import` or `record` (see \
-         `{program} help`)."
+         `{program} help`).\n"
     )
 }
 
@@ -161,21 +165,13 @@ fn farewell(files: &Files, hidden: Option<&Chosen>, found: &Diagnosis) -> String
 fn list(json: bool) -> CommandResult {
     if json {
         let effects: Vec<_> = CATALOGUE.iter().map(|e| json!({ "effect": e.name(), "summary": e.summary() })).collect();
-        say!("{:#}", json!({ "effects": effects }));
+        say_document(json!({ "effects": effects }))?;
     } else {
         for effect in CATALOGUE {
             say!("{:20} {}", effect.name(), effect.summary());
         }
     }
     Ok(Outcome::Done)
-}
-
-/// An effect of the catalogue, and a test in which it shows.
-fn hidden(name: &str) -> Result<(Chosen, Scenario), Box<dyn std::error::Error + Send + Sync>> {
-    match &parse_list(name)?[..] {
-        [chosen] => Ok((chosen.clone(), Example::of(chosen)?.scenario)),
-        _ => Err(format!("--hidden {name}: name one effect of `demo --list`").into()),
-    }
 }
 
 /// How this program is called from where the user stands: by its name where the PATH leads to it, otherwise by its path.
@@ -226,31 +222,31 @@ fn free_names(folder: &Path) -> Files {
 
 /// Plays the shipped recording, or a simulated test, through the wire protocol and records it as from a real port.
 #[cfg(unix)]
-fn record(rig: &Rig, hidden: Option<&Scenario>, output: &Path, speed: f64) -> CommandResult {
+fn record(rig: &Rig, hidden: &Hidden, output: &Path, args: &Args) -> CommandResult {
     use crate::cli::console::live::Reporter;
     use crate::cli::console::stop::STOP;
     use crate::record::devices::simulated::Faults;
     use crate::record::session::live_test::{Options, live_devices};
-    use crate::simulate::playback::{of_recording, of_scenario};
+    use crate::simulate::playback::{USUAL_SEED, of_recording, of_scenario};
     use crate::simulate::through_ports::record_playbacks;
 
     let shipped = shipped()?;
     let mut played = Vec::new();
     for device in live_devices(rig, &[])? {
-        let playback = match hidden {
-            Some(scenario) => of_scenario(scenario, &device, &timing(scenario))?,
+        let playback = match &hidden.scenario {
+            Some(scenario) => of_scenario(scenario, &device, &timing(scenario), args.seed.unwrap_or(USUAL_SEED))?,
             None => of_recording(&shipped, rig, &device)?,
         };
         played.push((device, playback));
     }
-    let note = match hidden {
+    let note = match &hidden.scenario {
         Some(_) => "a simulated test with a hidden effect",
         None => "recordings/hdpe-creep.mcap played through a simulated device",
     };
     let options = Options { notes: vec![("demo".to_owned(), note.to_owned())], ..Options::new(output) };
     let reporter = Reporter::open();
     let recorded =
-        record_playbacks(rig, played, (speed, Faults::default()), &options, &STOP, &mut |now| reporter.show(now));
+        record_playbacks(rig, played, (args.speed, Faults::default()), &options, &STOP, &mut |now| reporter.show(now));
     reporter.close();
     let recorded = recorded?;
     tell!("   {}: {:.1} s from the wire", output.shown(), recorded.duration_s);
@@ -259,11 +255,11 @@ fn record(rig: &Rig, hidden: Option<&Scenario>, output: &Path, speed: f64) -> Co
 
 /// Without pseudo-terminals the test itself is used.
 #[cfg(not(unix))]
-fn record(rig: &Rig, hidden: Option<&Scenario>, output: &Path, _speed: f64) -> CommandResult {
-    let recording = match hidden {
+fn record(rig: &Rig, hidden: &Hidden, output: &Path, args: &Args) -> CommandResult {
+    let recording = match &hidden.scenario {
         Some(scenario) => {
-            let instruments =
-                crate::simulate::synthetic::Instruments { timing: timing(scenario), noise_m: None, seed: 1 };
+            let seed = args.seed.unwrap_or(crate::simulate::playback::USUAL_SEED);
+            let instruments = crate::simulate::synthetic::Instruments { timing: timing(scenario), noise_m: None, seed };
             crate::simulate::synthetic::recording_of(
                 scenario,
                 &scenario.simulate(instruments.timing.after_s)?,
@@ -277,7 +273,7 @@ fn record(rig: &Rig, hidden: Option<&Scenario>, output: &Path, _speed: f64) -> C
 }
 
 /// How a simulated test is played: half the periods of the shipped test, for a reader waits while it is diagnosed.
-fn timing(scenario: &Scenario) -> crate::simulate::playback::Timing {
+fn timing(scenario: &crate::simulate::scenario::Scenario) -> crate::simulate::playback::Timing {
     crate::simulate::playback::Timing { rate_hz: 500.0, lead_s: 1.0, after_s: 4.0 * scenario.period_s() }
 }
 
@@ -288,7 +284,7 @@ fn shipped() -> Result<crate::recording::Recording, Box<dyn std::error::Error + 
     Ok(crate::storage::read(&path)?)
 }
 
-fn document(study: &Study, files: &Files, hidden: Option<&Chosen>, base: &Fit, found: &Diagnosis) -> serde_json::Value {
+fn document(study: &Study, files: &Files, hidden: &Hidden, base: &Fit, found: &Diagnosis) -> serde_json::Value {
     let stage = |fit: &Fit| {
         let all = summary::overall(fit);
         json!({ "effects": fit.labels(), "rmse_m": all.rmse_m, "noise_m": all.noise_m, "seconds": fit.seconds })
@@ -299,7 +295,8 @@ fn document(study: &Study, files: &Files, hidden: Option<&Chosen>, base: &Fit, f
         "model": files.model,
         "report": files.report,
         "duration_s": study.recordings()[0].recording.series.iter().filter_map(|s| s.time_s.last()).fold(0.0f64, |a, &b| a.max(b)),
-        "hidden": hidden.map(|h| h.effect.name()),
+        "hidden": hidden.effect,
+        "truth": hidden.json(found),
         "verdict": found.verdict.name(),
         "answer": found.answer_label(),
         "probability": found.probability,
