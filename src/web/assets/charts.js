@@ -3,7 +3,7 @@
 import { AGAIN_MS, curves, simulate } from "/assets/api.js";
 import { at, digits, h, head, keyOf, put, times } from "/assets/dom.js";
 import { app, complain, modelKey } from "/assets/store.js";
-import { measure, panels, widthOf } from "/assets/heights.js";
+import { measure, panels, whenWider, widthOf } from "/assets/heights.js";
 import { clicks, marks, reading, whenMarked } from "/assets/marks.js";
 import { colours, ghostly, options, perM, shown, symbol, what } from "/assets/plot.js";
 import { menu } from "/assets/take.js";
@@ -146,9 +146,13 @@ class Panel {
   }
 }
 
+// How many points the charts have: curves that are laid over each other have as many. A pane of another width gets others.
+let points = 0;
+whenWider(() => points && points !== widthOf() && load());
+
 // The curves of all sensors, to be handed to their panels.
 async function ofAll(names) {
-  const { column } = await curves(app.range, widthOf(), names);
+  const { column } = await curves(app.range, points, names);
   const of = (panel) => (name) => column[`${panel.r}/${panel.s}/${name}`];
   return (hand) => panels.filter((panel) => of(panel)("time_s")).forEach((panel) => hand(panel, of(panel)));
 }
@@ -208,6 +212,7 @@ let latest = 0;
 export async function load() {
   if (!panels.length) return;
   const mine = ++latest;
+  points = widthOf();
   const ghost = app.compare ? `number:${app.compare}` : "previous";
   const names = ["model", ghost, ...(app.preview ? [`candidate:${app.preview}`] : [])];
   try {
@@ -251,7 +256,6 @@ export async function try_(coarse = false) {
   const of = modelKey();
   try {
     const [from, to] = app.range || [undefined, undefined];
-    const points = widthOf();
     const found = await simulate({ set: app.moved, without: [...app.without], from, to, points, coarse, follow: at("meanwhile").checked });
     // where another model has come into force meanwhile, the answer is not of it
     if (of === modelKey()) tried(found, coarse);

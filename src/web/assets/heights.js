@@ -46,12 +46,22 @@ export function heights(panel) {
 
 export const widthOf = () => width;
 
+// Told once a width has come to rest.
+const RESTS_MS = 250;
+let later = null;
+let wider = () => {};
+export const whenWider = (work) => { wider = work; };
+
 // One look at the pane for all charts: when they are laid, and when the pane, the window or the drawing of the rig changes.
 export function measure() {
   if (!panels.length) return;
   const now = [Math.max(240, at("charts").clientWidth - 2 * CARD_PX), share()];
   const first = !panels[0].box.style.minHeight;
   if (now[0] === width && now[1] === shared && !first) return;
+  if (now[0] !== width) {
+    clearTimeout(later);
+    later = setTimeout(() => wider(), RESTS_MS);
+  }
   [width, shared] = now;
   for (const panel of panels) {
     const [curves, residual] = heights(panel);

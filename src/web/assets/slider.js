@@ -1,6 +1,6 @@
-// A slider of a parameter: linear within the standard error of its fitted value and logarithmic beyond, so that interval and bounds are both on
-// it, and a step of the mouse near the fit is less than a tenth of the error. The wheel and the arrow keys move by a tenth, with Shift by a
-// hundredth, wherever it stands.
+// A slider of a parameter. Half of it is linear and spans three standard errors on either side of the fitted value, so that a pixel there is less
+// than a tenth of the error; beyond it is logarithmic and reaches the bounds. The wheel and the arrow keys move by a tenth of the error, with
+// Shift by a hundredth, wherever it stands.
 
 import { h } from "/assets/dom.js";
 
@@ -9,34 +9,51 @@ const STEPS = 4000;
 const STEP = 0.1;
 const FINE = 0.1;
 const UNKNOWN = 1e-3;
+// The linear part: errors on either side, and the least share of the slider.
+const NEAR = 3;
+const HALF = 0.5;
+// Of the slider, what PageUp moves by.
+const PAGE = 0.05;
 // How long a hand rests between keys before it counts as having let go, ms.
 const RESTS_MS = 500;
 // The wheel's, px: what a notch of a mouse scrolls.
 const NOTCH_PX = 100;
 
-// `low` and `high` bound the slider; `value` is where a share of it lies, `share` the inverse.
+// What lies where on a slider from `low` to `high`: `share` of a value, and the `value` of a share.
 export function scale(p, low, high) {
   const log = p.log && low > 0;
   const to = log ? (value) => Math.log(Math.max(value, low)) : (value) => value;
-  const back = log ? Math.exp : (x) => x;
+  const back = (x) => Math.min(high, Math.max(low, log ? Math.exp(x) : x));
   const [centre, a, b] = [to(p.value), to(low), to(high)];
-  const error = p.standard_error > 0 ? p.standard_error / (log ? p.value : 1) : b - a;
-  const at = (x) => Math.asinh((x - centre) / error);
-  const [from, to_] = [at(a), at(b)];
+  const error = p.standard_error > 0 ? p.standard_error / (log ? p.value : 1) : null;
+  // one step from a value, of so many tenths of its error
+  const moved = (value, steps) => back(to(value) + (error === null ? UNKNOWN * (b - a) : STEP * error) * steps);
+  const near = NEAR * error;
+  const [from, until] = [Math.max(a, centre - near), Math.min(b, centre + near)];
+  // where the error is not known, or the bounds leave the fitted value out, all of it is linear
+  if (error === null || !(from < until)) return { moved, share: (value) => (to(value) - a) / (b - a || 1), value: (share) => back(a + (b - a) * share) };
+  const ways = [from > a ? Math.log((centre - a) / near) : 0, until < b ? Math.log((b - centre) / near) : 0];
+  const far = ways[0] + ways[1];
+  const middle = Math.max(HALF, (until - from) / (until - from + near * far));
+  const [left, right] = ways.map((way) => (far > 0 ? ((1 - middle) * way) / far : 0));
   return {
-    share: (value) => Math.min(1, Math.max(0, (at(to(value)) - from) / (to_ - from || 1))),
-    value: (share) => (share <= 0 ? low : share >= 1 ? high : back(centre + error * Math.sinh(from + (to_ - from) * share))),
-    // one step from a value, of so many tenths of its error; larger ones follow the scale
-    moved: (value, steps) => {
-      const by = (p.standard_error > 0 ? STEP * error : UNKNOWN * (b - a)) * steps;
-      return Math.min(high, Math.max(low, back(to(value) + by)));
+    moved,
+    share: (value) => {
+      const x = to(value);
+      if (x < from) return left * (1 - Math.log((centre - x) / near) / ways[0]);
+      if (x > until) return left + middle + (right * Math.log((x - centre) / near)) / ways[1];
+      return left + (middle * (x - from)) / (until - from);
     },
-    far: (value, way) => Math.min(high, Math.max(low, back(centre + error * Math.sinh(at(to(value)) + way)))),
+    value: (share) => {
+      if (share < left) return back(centre - near * Math.exp(ways[0] * (1 - share / left)));
+      if (right > 0 && share > left + middle) return back(centre + near * Math.exp((ways[1] * (share - left - middle)) / right));
+      return back(from + ((until - from) * (share - left)) / middle);
+    },
   };
 }
 
 // How many decimals show the finest step.
-export const decimals = (p) => (p.standard_error > 0 ? Math.min(12, Math.max(0, Math.ceil(-Math.log10(STEP * FINE * p.standard_error)))) : null);
+export const decimals = (p) => (p.standard_error > 0 ? Math.min(12, Math.max(0, Math.ceil(1 - Math.log10(STEP * FINE * p.standard_error)))) : null);
 
 const WAY = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1 };
 const FAR = { PageDown: -1, PageUp: 1 };
@@ -57,7 +74,8 @@ export function slider({ label, of, move, release, field }) {
     // in a field left and right belong to the text
     if (event.target === field && (event.key === "ArrowLeft" || event.key === "ArrowRight")) return;
     event.preventDefault();
-    by(far ? of.scale().far(of.value(), far) : of.scale().moved(of.value(), way * (event.shiftKey ? FINE : 1)));
+    const { share, value } = of.scale();
+    by(far ? value(Math.min(1, Math.max(0, share(of.value()) + PAGE * far))) : of.scale().moved(of.value(), way * (event.shiftKey ? FINE : 1)));
   };
   // a page that is scrolled moves nothing: the wheel is the slider's once it has the focus
   const wheel = (event) => {
@@ -72,5 +90,5 @@ export function slider({ label, of, move, release, field }) {
     one.addEventListener("keydown", keys);
     one.addEventListener("wheel", wheel, { passive: false });
   }
-  return { input, show: (value) => { input.value = STEPS * of.scale().share(value); }, share: (value) => 100 * of.scale().share(value) };
+  return { input, show: (value) => { input.value = STEPS * of.scale().share(value); }, share: (value) => 100 * Math.min(1, Math.max(0, of.scale().share(value))) };
 }
