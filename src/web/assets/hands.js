@@ -8,6 +8,7 @@ import { known } from "/assets/known.js";
 import { decimals, scale, slider } from "/assets/slider.js";
 
 const rows = new Map();
+const THUMB_PX = 16;
 
 const bounds = (p) => app.bounds[p.name] || [p.lower, p.upper];
 const valueOf = (p) => app.moved[p.name] ?? app.followed.get(keyOf(p)) ?? p.value;
@@ -56,8 +57,9 @@ function update(p) {
   const [low, high] = p.interval_95 || [];
   const shade = Number.isFinite(low) && Number.isFinite(high) && low !== null;
   const { share } = row.slider;
-  row.shade.style.setProperty("left", shade ? `${share(low)}%` : "0");
-  row.shade.style.setProperty("width", shade ? `${Math.max(0.6, share(high) - share(low))}%` : "0");
+  // the middle of a thumb stays within the track
+  row.shade.style.setProperty("left", shade ? `calc(${THUMB_PX / 2}px + ${share(low)} * (100% - ${THUMB_PX}px))` : "0");
+  row.shade.style.setProperty("width", shade ? `calc(${Math.max(0.006, share(high) - share(low))} * (100% - ${THUMB_PX}px))` : "0");
 }
 
 function bound(p, i) {

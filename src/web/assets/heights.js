@@ -3,7 +3,7 @@
 import { at } from "/assets/dom.js";
 
 // The charts as they stand one below the other.
-export const panels = [];
+export const cards = [];
 
 // Of the curves and of the residual, px, where they scroll.
 const SCROLLED = [164, 100];
@@ -27,15 +27,15 @@ function share() {
   const [pane, rig] = [at("evidence"), at("rig-card")];
   const style = getComputedStyle(pane);
   const used = parseFloat(style.paddingTop) + parseFloat(style.paddingBottom) + (rig.hidden ? 0 : rig.offsetHeight + GAP_PX);
-  const { card, box } = panels[0];
+  const { card, box } = cards[0];
   const frame = box.isConnected ? card.offsetHeight - box.offsetHeight : FRAME_PX;
-  const free = pane.clientHeight - used - panels.length * (frame + GAP_PX);
-  const [each, last] = [free / panels.length - AXIS_PX, (free - AXIS_PX) / panels.length];
+  const free = pane.clientHeight - used - cards.length * (frame + GAP_PX);
+  const [each, last] = [free / cards.length - AXIS_PX, (free - AXIS_PX) / cards.length];
   if (last < LEAST_PX) return null;
   return Math.floor(Math.min(MOST_PX, each >= OWN_AXIS_PX ? each : Math.min(OWN_AXIS_PX - 1, last)));
 }
 
-export const hasAxis = (panel) => shared === null || shared >= OWN_AXIS_PX || panel === panels.at(-1);
+export const hasAxis = (panel) => shared === null || shared >= OWN_AXIS_PX || panel === cards.at(-1);
 
 // Of a chart's curves, and of its residual with the axis.
 export function heights(panel) {
@@ -54,16 +54,16 @@ export const whenWider = (work) => { wider = work; };
 
 // One look at the pane for all charts: when they are laid, and when the pane, the window or the drawing of the rig changes.
 export function measure() {
-  if (!panels.length) return;
+  if (!cards.length) return;
   const now = [Math.max(240, at("charts").clientWidth - 2 * CARD_PX), share()];
-  const first = !panels[0].box.style.minHeight;
+  const first = !cards[0].box.style.minHeight;
   if (now[0] === width && now[1] === shared && !first) return;
   if (now[0] !== width) {
     clearTimeout(later);
     later = setTimeout(() => wider(), RESTS_MS);
   }
   [width, shared] = now;
-  for (const panel of panels) {
+  for (const panel of cards) {
     const [curves, residual] = heights(panel);
     // kept free until it is drawn
     panel.box.style.minHeight = `${curves + residual}px`;

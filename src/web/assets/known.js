@@ -69,9 +69,11 @@ const interval = ([low, high]) => (low === null && high === null ? "open on both
 
 // What the profile says, in words.
 function says(profile, p) {
+  const known = profile.linear_95.some((end) => end !== null);
+  const linear = profile.disagrees ? `, by the curvature at the fit ${interval(profile.linear_95)}: trust the profile` : known ? ", as the curvature at the fit has it" : "";
   const open = profile.interval_95.map((end, i) => end === null && profile.unknown_beyond[i] === null).some(Boolean);
   return [
-    `95% interval by the profile: ${interval(profile.interval_95)} ${unitOf(p)}${profile.disagrees ? `, by the curvature at the fit ${interval(profile.linear_95)}: trust the profile` : ", as the curvature at the fit has it"}.`,
+    `95% interval by the profile: ${interval(profile.interval_95)} ${unitOf(p)}${linear}.`,
     open ? "On an open side the bound comes before the fit gets worse than the noise explains." : null,
     ...profile.unknown_beyond.map((last, i) => (last === null ? null : `${i ? "Above" : "Below"} ${digits(last, 5)} no refit of the other parameters reached an optimum: that end is not known.`)),
     profile.unresolved ? `${profile.unresolved} of its points are no optima and were left out.` : null,

@@ -58,7 +58,7 @@ function draw(own, trace, symbol) {
   own.scale = scaled(own.scale, Math.min(...known.map((b) => b[0])), Math.max(...known.map((b) => b[1])));
   const [low, high] = own.scale;
   const { left, right, top, bottom } = AXIS_PX;
-  const x = (i) => left + ((width - left - right) * i) / (trace.length - 1);
+  const x = (i) => left + ((width - left - right) * (i + 0.5)) / trace.length;
   const y = (v) => height - bottom - ((height - top - bottom) * (v - low)) / (high - low);
   const context = canvas.getContext("2d");
   context.setTransform(sharp, 0, 0, sharp, 0, 0);
@@ -77,7 +77,7 @@ function draw(own, trace, symbol) {
   }
   context.textAlign = "left";
   context.fillText(symbol, 2, top + 4);
-  [[0, `${SECONDS} s ago`, "left"], [0.5, `${SECONDS / 2} s`, "center"], [1, "now", "right"]].forEach(([share, text, align]) => { context.textAlign = align; context.fillText(text, x(share * (trace.length - 1)), height - 4); });
+  [[0, `${SECONDS} s ago`, "left"], [0.5, `${SECONDS / 2} s`, "center"], [1, "now", "right"]].forEach(([share, text, align]) => { context.textAlign = align; context.fillText(text, x(share * trace.length - 0.5), height - 4); });
   context.strokeStyle = paint("--measured");
   context.lineWidth = 1.5;
   context.lineJoin = "round";

@@ -3,7 +3,7 @@
 import { AWAY, ask, listen } from "/assets/api.js";
 import { at, h, put, showIn } from "/assets/dom.js";
 import { app, act, complain, content, modelKey, onState, refresh, renew, tell } from "/assets/store.js";
-import { charts, draw, load, mark, pan, part, span } from "/assets/charts.js";
+import { charts, draw, load, mark, oneChart, pan, part, span } from "/assets/charts.js";
 import { fails, models } from "/assets/past.js";
 import { fit, parameters, reset } from "/assets/hands.js";
 import { commandOf, copy } from "/assets/commands.js";
@@ -17,7 +17,7 @@ import { live, recording, toRecorder, whenLooked } from "/assets/live.js";
 import { marks } from "/assets/marks.js";
 import { record } from "/assets/record.js";
 
-const KEYS = [["1 2 3", "first rise, a cycle, the whole record"], ["← →", "pan"], ["d", "diagnose"], ["f", "fit"], ["u r", "undo, redo"], ["m", "heads in m, or in the sensors' own unit"], ["p", "a place along the pipe: arrows move it, Enter adds an effect there"], ["c", "the candidates: Tab to Add"], ["s", "the sliders"], ["x", "a mark in the charts, where the cursor is: two marks read the time and the heads between them"], [", .", "the last mark to the left or right"], ["o", "runs"], ["e", "effects"], ["Escape", "cancel the job; take the marks away"], ["?", "these keys"]];
+const KEYS = [["1 2 3", "first rise, a cycle, the whole record"], ["← →", "pan"], ["d", "diagnose"], ["f", "fit"], ["u r", "undo, redo"], ["m", "heads in m, or in the sensors' own unit"], ["p", "a place along the pipe: arrows move it, Enter adds an effect there"], ["c", "the candidates: Tab to Add"], ["s", "the sliders"], ["t", "all sensors in one chart"], ["x", "a mark in the charts, where the cursor is: two marks read the time and the heads between them"], [", .", "the last mark to the left or right"], ["o", "runs"], ["e", "effects"], ["Escape", "cancel the job; take the marks away"], ["?", "these keys"]];
 
 function title() {
   const open = app.state.open;
@@ -116,6 +116,7 @@ function tab(name) {
 document.querySelectorAll("#tabs button").forEach((b) => b.addEventListener("click", () => tab(b.dataset.tab)));
 at("diagnose").addEventListener("click", diagnose);
 at("show-catalogue").addEventListener("click", catalogue);
+at("together").addEventListener("click", oneChart);
 at("show-runs").addEventListener("click", runs);
 at("show-record").addEventListener("click", () => (app.state.recording.running ? toRecorder() : record()));
 at("show-keys").addEventListener("click", keys);
@@ -138,7 +139,7 @@ document.addEventListener("keydown", (event) => {
     1: () => part("rise"), 2: () => part("cycle"), 3: () => part("all"), ArrowLeft: () => pan(-0.25), ArrowRight: () => pan(0.25),
     d: diagnose, f: fit, u: () => act("/api/undo"), r: () => act("/api/redo"), m: () => unit(app.unit === "m" && !at("own-unit").hidden ? "own" : "m"), o: runs, e: () => app.state.model && catalogue(), "?": keys,
     p: () => document.querySelector("#rig .pointer")?.focus(), c: () => { tab("future"); document.querySelector("#candidates .candidate")?.focus(); }, s: () => { tab("hands"); document.querySelector("#parameters input[type=range]")?.focus(); },
-    x: mark, ",": () => marks.shift(-shift()), ".": () => marks.shift(shift()),
+    x: mark, t: oneChart, ",": () => marks.shift(-shift()), ".": () => marks.shift(shift()),
     Escape: () => (app.state.job ? act("/api/cancel") : marks.clear()),
   }[event.key];
   if (!does) return;

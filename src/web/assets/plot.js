@@ -2,12 +2,13 @@
 
 import { digits } from "/assets/dom.js";
 import { app } from "/assets/store.js";
-import { AXIS_PX, hasAxis, heights } from "/assets/heights.js";
-import { marks } from "/assets/marks.js";
+import { AXIS_PX, hasAxis, heights, widthOf } from "/assets/heights.js";
+import { clicks, marks } from "/assets/marks.js";
+import { fingers } from "/assets/touch.js";
 
 // asked for many times a frame
 export const colours = new Map();
-function colour(name) {
+export function colour(name) {
   if (!colours.has(name)) colours.set(name, getComputedStyle(document.documentElement).getPropertyValue(name).trim());
   return colours.get(name);
 }
@@ -53,11 +54,8 @@ function limits(panel, residual, low, high) {
   const noise = 2.5 * panel.sensor.noise_m * perM(panel);
   if (low === null || high === null) return [-noise, noise];
   if (residual) {
-    // what the model in force leaves fills the axis; what one before it left may leave it
-    const [ghost, , model, trial] = panel.drawn[1].slice(1);
-    const own = [model, trial].flatMap((curve) => curve || []).filter((v) => v !== null);
+    const own = panel.fills().flat().filter((v) => typeof v === "number");
     if (own.length) [low, high] = [Math.min(...own), Math.max(...own)];
-    else if (!ghost) return [-noise, noise];
   }
   if (!residual) return [low - 0.05 * (high - low || 1), high + 0.05 * (high - low || 1)];
   const most = Math.max(Math.abs(low), Math.abs(high), noise);
@@ -65,7 +63,7 @@ function limits(panel, residual, low, high) {
 }
 
 // What uPlot is told. `span` is what all charts show, `zoom` changes it.
-export function options(panel, residual, { span, zoom }) {
+function options(panel, residual, { span, zoom }, series) {
   const axis = { stroke: () => colour("--text-2"), grid: { stroke: () => colour("--line"), width: 1 }, ticks: { show: false } };
   const hooks = {
     drawClear: [(u) => {
@@ -95,7 +93,18 @@ export function options(panel, residual, { span, zoom }) {
     cursor: { sync: { key: "surge", setSeries: false }, drag: { x: true, y: false, setScale: false }, bind: { dblclick: () => () => { marks.clear(); zoom(null); return null; } } },
     scales: { x: { time: false, range: () => span() }, y: { range } },
     axes: [{ ...axis, size: () => (residual && hasAxis(panel) ? AXIS_PX : 0), gap: 3, values: times }, { ...axis, size: 60, space: residual ? 16 : 26, ...(residual ? { splits: (_, __, low, high) => around0(high) } : {}) }],
-    series: [{ label: "\u00a0", value: (_, v) => (v === null || v === undefined ? "" : `at ${digits(v, 5)} s`) }, ...SERIES.map((s) => ({ ...s, value, points: { show: false }, spanGaps: false }))],
+    series: [{ label: "\u00a0", value: (_, v) => (v === null || v === undefined ? "" : `at ${digits(v, 5)} s`) }, ...series.map((s) => ({ value, points: { show: false }, spanGaps: false, ...s }))],
     hooks,
   };
+}
+
+// The two plots of a chart, in its box.
+export function plots(panel, axis, series = SERIES) {
+  const { span, zoom } = axis;
+  return [false, true].map((residual, i) => {
+    const plot = new uPlot({ width: widthOf(), ...options(panel, residual, axis, series) }, panel.drawn[i], panel.box);
+    clicks(plot);
+    fingers(plot.over, span, (range) => (app.range || range[1] - range[0] < 0.98 * (span()[1] - span()[0])) && zoom(range));
+    return plot;
+  });
 }

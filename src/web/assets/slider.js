@@ -90,5 +90,5 @@ export function slider({ label, of, move, release, field }) {
     one.addEventListener("keydown", keys);
     one.addEventListener("wheel", wheel, { passive: false });
   }
-  return { input, show: (value) => { input.value = STEPS * of.scale().share(value); }, share: (value) => 100 * Math.min(1, Math.max(0, of.scale().share(value))) };
+  return { input, show: (value) => { input.value = STEPS * of.scale().share(value); }, share: (value) => Math.min(1, Math.max(0, of.scale().share(value))) };
 }

@@ -94,7 +94,9 @@ fn advice(fit: &Fit, j: usize, p: &FittedParameter, of_effect: bool) -> Option<S
 pub fn known(bench: &Bench, name: &str, run: Option<&str>) -> Result<Value, AnyError> {
     let fit = bench.fit().ok_or("the model is still being fitted")?;
     let j = index_of(&fit, name, run)?;
-    let others = fit.parameters.iter().zip(&fit.correlation[j]).enumerate();
+    // a fit that ended at no optimum has none
+    let correlations = fit.correlation.get(j).into_iter().flatten();
+    let others = fit.parameters.iter().zip(correlations).enumerate();
     let mut trades: Vec<(f64, Value)> = others
         .filter(|(i, (_, r))| *i != j && r.is_finite())
         .map(|(_, (p, &r))| {

@@ -162,6 +162,22 @@ fn how_well_a_parameter_is_known_is_what_the_command_says() {
 }
 
 #[test]
+fn of_a_fit_at_no_optimum_no_correlation_is_known() {
+    let folder = folder_with(LEAK);
+    let bench = Workbench::open(folder.path(), &["run.mcap"]);
+    bench.fitted();
+    bench.job("/api/add", &json!({ "effect": "leak" }));
+    let state = bench.state();
+    for p in state["model"]["parameters"].as_array().unwrap() {
+        let known = bench.get(&format!("/api/known?parameter={}", p["name"].as_str().unwrap()));
+        let known: Value = serde_json::from_slice(&known).unwrap();
+        let trades = known["trades_with"].as_array().unwrap();
+        let determined = !p["standard_error"].is_null() && p["held"] == false;
+        assert_eq!(trades.is_empty(), !determined, "{p}: {trades:?}");
+    }
+}
+
+#[test]
 fn a_profile_is_cancelled() {
     let folder = folder_with(CREEP);
     let bench = Workbench::open(folder.path(), &["run.mcap"]);

@@ -29,6 +29,16 @@ await story("a laptop shows all sensors, and hands move what they mean to", { fi
   const order = await page.evaluate(() => [...document.querySelector(".chart").querySelectorAll(".u-series .u-label")].slice(1).map((label) => label.textContent));
   assert.deepEqual(order.slice(0, 3), ["before", "measured", "model"]);
 
+  // all sensors in one chart: each has its measurement, its model and what is tried
+  await page.keyboard.press("t");
+  await page.waitForFunction(() => document.querySelectorAll(".chart").length === 1 && document.querySelector(".chart canvas"));
+  const series = await page.evaluate(async () => { const [one] = (await import("/assets/heights.js")).cards; return one.drawn.map((plot) => plot.slice(1).map((curve) => curve.some((v) => typeof v === "number"))); });
+  const sensor = (measured) => [measured, true, false];
+  assert.deepEqual(series, [[0, 0, 0].flatMap(() => sensor(true)), [0, 0, 0].flatMap(() => sensor(false))]);
+  await shot(page, "laptop-one-chart");
+  await page.keyboard.press("t");
+  await page.waitForFunction(() => document.querySelectorAll(".chart").length === 3);
+
   // folded panels leave their room to the charts, and a page that is loaded again keeps them so
   await page.click('[aria-label="Fold Parameters"]');
   await page.click('[aria-label="Fold Models"]');
@@ -73,7 +83,7 @@ await story("a laptop shows all sensors, and hands move what they mean to", { fi
   // while it is dragged far away no scale moves
   const scales = () => page.evaluate(() => [...document.querySelectorAll(".chart .uplot")].map((plot) => [...plot.querySelectorAll("canvas")].map((c) => c.height).join()).concat(document.querySelector("#charts").scrollHeight));
   const ticks = () => page.evaluate(() => window.scales());
-  await page.evaluate(async () => { const { panels } = await import("/assets/heights.js"); window.scales = () => panels.flatMap((p) => p.plots.map((plot) => [plot.scales.y.min, plot.scales.y.max])); });
+  await page.evaluate(async () => { const { panels } = await import("/assets/charts.js"); window.scales = () => panels.flatMap((p) => p.plots.map((plot) => [plot.scales.y.min, plot.scales.y.max])); });
   const [still, laid] = [await ticks(), await scales()];
   for (let px = 10; px < box.width / 2 - 12; px += 10) { await page.mouse.move(middle + px, box.y + box.height / 2); await page.waitForTimeout(20); }
   await page.waitForFunction(() => Number(document.querySelector("#trial").textContent.match(/([\d.]+) × noise/)?.[1]) > 20);
@@ -111,7 +121,7 @@ await story("a laptop shows all sensors, and hands move what they mean to", { fi
   const run = (await state()).open.runs[0];
   assert(Math.abs(Number(seconds) / (0.3 * (run.to_s - run.from_s)) - 1) < 0.02, reading);
   const expected = await page.evaluate(async () => {
-    const [{ panels }, { valueAt }] = await Promise.all([import("/assets/heights.js"), import("/assets/marks.js")]);
+    const [{ panels }, { valueAt }] = await Promise.all([import("/assets/charts.js"), import("/assets/marks.js")]);
     const [time, , heads] = panels[0].drawn[0];
     const at = (share) => valueAt(time, heads, time[0] + share * (time.at(-1) - time[0]));
     return at(0.5) - at(0.2);
