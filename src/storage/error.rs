@@ -335,7 +335,9 @@ pub enum CsvProblem {
         likely: String,
     },
     /// A rate that the times of the file contradict.
-    #[error("at {rate_hz} samples a second, this line would come later than its time, '{time}', says: the rate or the time is wrong; give another rate with option `rate`")]
+    #[error(
+        "at {rate_hz} samples a second, this line would come later than its time, '{time}', says: the rate or the time is wrong; give another rate with option `rate`"
+    )]
     RateContradicted {
         /// The rate, Hz.
         rate_hz: f64,
@@ -343,7 +345,9 @@ pub enum CsvProblem {
         time: String,
     },
     /// A column of two units.
-    #[error("column '{column}' is in '{first}' by its heading and in '{second}' by this line: give the unit that is right with option `scale` '{column}={first}', or correct the file")]
+    #[error(
+        "column '{column}' is in '{first}' by its heading and in '{second}' by this line: give the unit that is right with option `scale` '{column}={first}', or correct the file"
+    )]
     TwoUnits {
         /// Its heading.
         column: String,

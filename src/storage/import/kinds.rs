@@ -69,7 +69,26 @@ pub(crate) fn same_unit(a: &str, b: &str) -> bool {
 /// What a logger measures before a transducer's line makes a pressure of it: volts or milliamperes.
 pub fn is_electric(unit: &str) -> bool {
     let plain = unit.trim().replace([' ', '.'], "");
-    matches!(plain.as_str(), "V" | "mV" | "uV" | "µV" | "mA" | "A" | "VDC" | "Vdc" | "mVDC" | "mAdc" | "V/V" | "mV/V" | "Volt" | "Volts" | "volt" | "volts" | "VOLT" | "VOLTS")
+    matches!(
+        plain.as_str(),
+        "V" | "mV"
+            | "uV"
+            | "µV"
+            | "mA"
+            | "A"
+            | "VDC"
+            | "Vdc"
+            | "mVDC"
+            | "mAdc"
+            | "V/V"
+            | "mV/V"
+            | "Volt"
+            | "Volts"
+            | "volt"
+            | "volts"
+            | "VOLT"
+            | "VOLTS"
+    )
 }
 
 /// What a track measures and its unit, where either its unit or its name says so.

@@ -1,7 +1,7 @@
 // The charts: what they show, from when to when, and where their curves come from. All zoom and point together.
 
 import { AGAIN_MS, curves, simulate } from "/assets/api.js";
-import { at, digits, h, head, keyOf, put, times } from "/assets/dom.js";
+import { at, h, head, keyOf, put, times } from "/assets/dom.js";
 import { app, complain, modelKey } from "/assets/store.js";
 import { cards, measure, whenWider, widthOf } from "/assets/heights.js";
 import { marks, whenMarked } from "/assets/marks.js";

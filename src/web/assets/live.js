@@ -4,6 +4,7 @@
 import { ask } from "/assets/api.js";
 import { at, digits, h, put, unitOf } from "/assets/dom.js";
 import { app, act, complain } from "/assets/store.js";
+import { ticks } from "/assets/picture.js";
 
 // Height of a strip where not all fit the page, px; what a strip's axis takes.
 const LEAST_PX = 66;
@@ -27,15 +28,6 @@ function strip(sensor) {
 function shownAs(sensor) {
   const head = app.unit === "m" ? app.state.recording.rig?.heads?.[sensor.name] : null;
   return head ? { of: (v) => (v - head.zero) / head.per_m, symbol: "m" } : { of: (v) => v, symbol: unitOf(sensor) };
-}
-
-// Round values across a range.
-function ticks(low, high) {
-  const raw = (high - low) / 4;
-  const power = 10 ** Math.floor(Math.log10(raw));
-  const step = [1, 2, 5, 10].find((s) => s * power >= 0.999 * raw) * power;
-  const first = Math.ceil(low / step - 1e-9);
-  return Array.from({ length: Math.max(0, Math.floor(high / step + 1e-9) - first + 1) }, (_, i) => +((first + i) * step).toPrecision(12));
 }
 
 // A scale stands still as long as the curve is on it and fills a part of it.
@@ -68,7 +60,7 @@ function draw(own, trace, symbol) {
   context.strokeStyle = paint("--line");
   context.fillStyle = paint("--text-2");
   context.textAlign = "right";
-  for (const v of ticks(low, high)) {
+  for (const v of ticks(low, high, 4)) {
     context.beginPath();
     context.moveTo(left, y(v));
     context.lineTo(width - right, y(v));

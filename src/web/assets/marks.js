@@ -1,7 +1,7 @@
 // Two marks on the time axis of all charts, and what lies between them: the time, and the heads of measurement and model. A click sets the
 // first, then the second; until then the cursor takes its place. A third click begins anew.
 
-import { digits, h } from "/assets/dom.js";
+import { digits } from "/assets/dom.js";
 
 // s after the start of the closure, in the order in which they were set.
 let set = [];
@@ -68,6 +68,4 @@ export function clicks(plot) {
     marks.add(plot.posToVal(event.clientX - plot.over.getBoundingClientRect().left, "x"));
   });
 }
-
-export const readout = () => h("output", { class: "reading" });
 

@@ -55,14 +55,16 @@ impl Cell {
 
 /// A number and the unit behind it: `2.802 bar`, `0.001 sec`.
 pub(crate) fn with_unit(cell: &str) -> Option<(f64, &str)> {
-    let (number, unit) = cell.split_once(' ').filter(|(_, unit)| !unit.starts_with(['(', '[']) && is_known_unit(unit.trim()))?;
+    let (number, unit) =
+        cell.split_once(' ').filter(|(_, unit)| !unit.starts_with(['(', '[']) && is_known_unit(unit.trim()))?;
     let value = Numbers::new(',', None).read(number, "").ok().filter(|v| !v.is_nan())?;
     Some((value, unit.trim()))
 }
 
 /// A date, a time of day or both, whichever of day and month stands first.
 pub(crate) fn stamp_of(cell: &str) -> Option<Stamp> {
-    let has_digit = cell.starts_with(|c: char| c.is_ascii_digit()) || (cell.contains(' ') && cell.contains(|c: char| c.is_ascii_digit()));
+    let has_digit = cell.starts_with(|c: char| c.is_ascii_digit())
+        || (cell.contains(' ') && cell.contains(|c: char| c.is_ascii_digit()));
     let read = |order| Stamp::parse(cell, order).filter(|_| has_digit);
     read(Order::DayFirst).or_else(|| read(Order::MonthFirst))
 }

@@ -119,7 +119,10 @@ impl Clock {
     pub(crate) fn is_timeless(&self, row: &Row<'_>, is_no_time: impl Fn(&str) -> bool) -> bool {
         let Columns { time, date, fraction, form, .. } = &self.columns;
         let date = date.filter(|_| *form == Form::Stamps);
-        [*time, date, fraction.map(|(i, _)| i)].into_iter().flatten().any(|i| is_no_time(row.get(i).unwrap_or_default()))
+        [*time, date, fraction.map(|(i, _)| i)]
+            .into_iter()
+            .flatten()
+            .any(|i| is_no_time(row.get(i).unwrap_or_default()))
     }
 
     /// Whether a row has something that looks like its time.
@@ -180,7 +183,10 @@ impl Clock {
     fn in_segment(&mut self, time_s: f64) -> f64 {
         // a block whose times go on needs no start of its own
         if std::mem::take(&mut self.segment) {
-            self.segment_s = self.segment_late_s.filter(|late_s| time_s < self.last_s && time_s + late_s > self.last_s).unwrap_or(0.0);
+            self.segment_s = self
+                .segment_late_s
+                .filter(|late_s| time_s < self.last_s && time_s + late_s > self.last_s)
+                .unwrap_or(0.0);
         }
         self.last_s = time_s + self.segment_s;
         self.last_s
@@ -237,7 +243,11 @@ impl Clock {
         } else if local && !self.summer_ended && (MOST_OF_AN_HOUR_NS..=HOUR_NS).contains(&back_ns) {
             (self.summer_ended, self.added_ns) = (true, self.added_ns.saturating_add(HOUR_NS));
             ns = ns.saturating_add(HOUR_NS);
-            let text = format!("the clock of '{}' is set back by an hour at {}, as when summer time ends: the times go on", self.name, self.cell(row));
+            let text = format!(
+                "the clock of '{}' is set back by an hour at {}, as when summer time ends: the times go on",
+                self.name,
+                self.cell(row)
+            );
             self.repairs.push(Repair::new("summer-time", 1, None, text));
         }
         self.last_ns = ns;
@@ -252,8 +262,12 @@ impl Clock {
         self.rows += 1;
         let per_s = 1.0 / interval_s;
         // a rate of whole samples a second keeps decimal times what they are
-        let after = |samples: f64| if (per_s - per_s.round()).abs() < 1e-9 * per_s { samples / per_s.round() } else { samples * interval_s };
-        let is_stamped = self.columns.fraction.is_some() || self.columns.date.is_some() || self.columns.time.is_some_and(|i| row.get(i).is_some_and(|c| Stamp::parse(c, self.order).is_some()));
+        let after = |samples: f64| {
+            if (per_s - per_s.round()).abs() < 1e-9 * per_s { samples / per_s.round() } else { samples * interval_s }
+        };
+        let is_stamped = self.columns.fraction.is_some()
+            || self.columns.date.is_some()
+            || self.columns.time.is_some_and(|i| row.get(i).is_some_and(|c| Stamp::parse(c, self.order).is_some()));
         match self.columns.time {
             None => Ok(after(place)),
             Some(_) if is_stamped => {
@@ -299,14 +313,19 @@ impl Clock {
         let zone = if self.zone_assumed { ", taken as UTC (change that with option `zone`)" } else { "" };
         let name = &self.name;
         let (what, text) = match self.columns.form {
-            Form::Numbers(unit_s) if unit_s != 1.0 => ("time-unit", format!("the times of '{name}' are in units of {unit_s} s")),
+            Form::Numbers(unit_s) if unit_s != 1.0 => {
+                ("time-unit", format!("the times of '{name}' are in units of {unit_s} s"))
+            }
             Form::Numbers(_) if name != "time_s" => ("time-column", format!("the times are in '{name}', in seconds")),
             Form::Numbers(_) | Form::Days => return repairs,
             Form::Counted(_) if !self.has_date => return repairs,
             Form::Since1970(_) => ("date-times", format!("'{name}' counts from 1970; time 0 is the first time")),
-            _ if self.columns.date.is_some() => {
-                ("date-times", format!("the times of the day are in '{name}', their dates in a column of their own{zone}; time 0 is the first"))
-            }
+            _ if self.columns.date.is_some() => (
+                "date-times",
+                format!(
+                    "the times of the day are in '{name}', their dates in a column of their own{zone}; time 0 is the first"
+                ),
+            ),
             _ if self.has_date => ("date-times", format!("'{name}' holds date-times{zone}; time 0 is the first")),
             _ => ("date-times", format!("'{name}' holds times of the day; time 0 is the first")),
         };
@@ -324,7 +343,11 @@ fn ns_of_decimal(cell: &str, unit_s: f64) -> Option<i64> {
     let (whole, fraction) = cell.split_once('.').unwrap_or((&cell, ""));
     let unit_ns = (unit_s * 1e9).round() as i64;
     let digits = &fraction[..fraction.len().min(9)];
-    let part = if digits.is_empty() { 0 } else { digits.parse::<i64>().ok()?.checked_mul(unit_ns)? / 10i64.pow(digits.len() as u32) };
+    let part = if digits.is_empty() {
+        0
+    } else {
+        digits.parse::<i64>().ok()?.checked_mul(unit_ns)? / 10i64.pow(digits.len() as u32)
+    };
     whole.parse::<i64>().ok()?.checked_mul(unit_ns)?.checked_add(part)
 }
 

@@ -18,7 +18,8 @@ pub(crate) fn comment_notes(text: &str) -> Vec<(String, String)> {
 /// The lines above a table but for its headings, and the comments below, as a note, if there are any.
 pub(crate) fn note(above: &[Line<'_>], below: &[Line<'_>], headings: &[usize]) -> Vec<(String, String)> {
     let above = above.iter().enumerate().filter(|(at, _)| !headings.contains(at)).map(|(_, line)| line.text);
-    let words = above.filter(|text| text.starts_with('#') || is_row(text)).map(|text| text.trim_start_matches('#').trim());
+    let words =
+        above.filter(|text| text.starts_with('#') || is_row(text)).map(|text| text.trim_start_matches('#').trim());
     noted(words.chain(comments(below.iter().map(|line| line.text))))
 }
 

@@ -264,20 +264,45 @@ mod tests {
         ] {
             assert_eq!(header_unit(heading), Some((name.into(), unit.into())), "{heading}");
         }
-        for heading in ["P1", "P_V", "Druck=2", "P1_m", "valve_s", "Sample", "Sensor A", "Channel A", "Sensor K", "P.1", "Wave-K2"] {
+        for heading in
+            ["P1", "P_V", "Druck=2", "P1_m", "valve_s", "Sample", "Sensor A", "Channel A", "Sensor K", "P.1", "Wave-K2"]
+        {
             assert_eq!(header_unit(heading), None, "{heading}");
         }
     }
 
     #[test]
     fn times_and_counters_by_their_names() {
-        for (heading, unit_s) in
-            [("time_s", 1.0), ("T1 (s)", 1.0), ("millis", 1e-3), ("t_ms", 1e-3), ("Elapsed Time (us)", 1e-6), ("x [ms]", 1e-3), ("Zeit [d]", 86_400.0)]
-        {
+        for (heading, unit_s) in [
+            ("time_s", 1.0),
+            ("T1 (s)", 1.0),
+            ("millis", 1e-3),
+            ("t_ms", 1e-3),
+            ("Elapsed Time (us)", 1e-6),
+            ("x [ms]", 1e-3),
+            ("Zeit [d]", 86_400.0),
+        ] {
             assert_eq!(heading_unit(heading), Some(unit_s), "{heading}");
         }
-        assert!([heading_unit("t"), heading_unit("P1 (bar)"), heading_unit("valve_s"), heading_unit("d")].iter().all(Option::is_none));
-        assert!(["Time", "t1", "X_Value", "x-axis", "Elapsed Time", "pc_timestamp", "Date Time", "Time 1 - default sample rate"].into_iter().all(is_time_name));
+        assert!(
+            [heading_unit("t"), heading_unit("P1 (bar)"), heading_unit("valve_s"), heading_unit("d")]
+                .iter()
+                .all(Option::is_none)
+        );
+        assert!(
+            [
+                "Time",
+                "t1",
+                "X_Value",
+                "x-axis",
+                "Elapsed Time",
+                "pc_timestamp",
+                "Date Time",
+                "Time 1 - default sample rate"
+            ]
+            .into_iter()
+            .all(is_time_name)
+        );
         assert!(!["P1", "Valve", "Temperature", "T valve", "Date"].into_iter().any(is_time_name));
         assert!(["", "No", "Sample #", "RECORD", "#"].into_iter().all(is_counter_name) && !is_counter_name("P1"));
     }

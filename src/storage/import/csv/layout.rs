@@ -83,13 +83,24 @@ impl<'t> Layout<'t> {
         let is_data = |at: usize| late.is_data(&of(at));
         let mut first = first_row(&rows, is_data).or_else(|| rows.get(1).copied()).or(rows.first().copied())?;
         // pandas numbers the columns that have no names
-        let is_numbered = rows.iter().position(|&at| at == first).and_then(|place| rows.get(place + 1)).is_some_and(|&below| numbers_columns(&of(first), &of(below)));
+        let is_numbered = rows
+            .iter()
+            .position(|&at| at == first)
+            .and_then(|place| rows.get(place + 1))
+            .is_some_and(|&below| numbers_columns(&of(first), &of(below)));
         let mut judged: Vec<Vec<Cow<'t, str>>> = Vec::new();
         let data: Vec<usize> = rows.iter().copied().filter(|&at| at >= first + usize::from(is_numbered)).collect();
         let late_rows = data.len().saturating_sub(JUDGED).max(JUDGED.min(data.len()));
-        judged.extend(data[..JUDGED.min(data.len())].iter().chain(&data[late_rows..]).map(|&at| of(at)).filter(|row| late.is_data(row)));
+        judged.extend(
+            data[..JUDGED.min(data.len())]
+                .iter()
+                .chain(&data[late_rows..])
+                .map(|&at| of(at))
+                .filter(|row| late.is_data(row)),
+        );
         let width = width_of(&judged).unwrap_or_else(|| of(first).len());
-        let mut above: Vec<usize> = (0..first).filter(|&at| is_row(lines[at].text) || lines[at].text.starts_with('#')).collect();
+        let mut above: Vec<usize> =
+            (0..first).filter(|&at| is_row(lines[at].text) || lines[at].text.starts_with('#')).collect();
         let mut headings = Vec::new();
         if is_numbered {
             headings.push(first);
@@ -109,7 +120,8 @@ impl<'t> Layout<'t> {
         let least = late.least(width);
         let cells_at = |at: usize| aligned(heading_cells(lines[at].text, separator), least);
         let names_at = names_line(&mut headings, cells_at, &late);
-        let named = names_at.map_or(0, |at| cells_at(at).iter().rposition(|c| !c.is_empty()).map_or(0, |last| last + 1));
+        let named =
+            names_at.map_or(0, |at| cells_at(at).iter().rposition(|c| !c.is_empty()).map_or(0, |last| last + 1));
         let mut columns: Vec<Column> = match names_at {
             Some(at) => cells_at(at).iter().map(|cell| Column::of(cell)).collect(),
             None => (1..=width).map(|i| Column::of(&format!("{NAMELESS}{i}"))).collect(),
@@ -137,12 +149,18 @@ impl<'t> Layout<'t> {
                         settings.take_under(&column.heading, &cell);
                         settled.push(i);
                     }
-                    Cell::Word if column.heading.is_empty() && !is_known_unit(without_brackets(&cell)) => *column = Column::of(&cell),
+                    Cell::Word if column.heading.is_empty() && !is_known_unit(without_brackets(&cell)) => {
+                        *column = Column::of(&cell)
+                    }
                     Cell::Word if is_known_unit(without_brackets(&cell)) || at == headings[1] => {
                         let said = without_brackets(&cell);
-                        let differs = column.unit.as_ref().filter(|own| is_known_unit(own) && is_known_unit(said) && !same_unit(own, said));
+                        let differs = column
+                            .unit
+                            .as_ref()
+                            .filter(|own| is_known_unit(own) && is_known_unit(said) && !same_unit(own, said));
                         if let Some(own) = differs {
-                            contradiction.get_or_insert((lines[at].at, [column.heading.clone(), own.clone(), said.to_owned()]));
+                            contradiction
+                                .get_or_insert((lines[at].at, [column.heading.clone(), own.clone(), said.to_owned()]));
                         }
                         if !PROCESSES.contains(&said.to_lowercase().as_str()) {
                             column.unit.get_or_insert_with(|| said.to_owned());
@@ -161,7 +179,8 @@ impl<'t> Layout<'t> {
         for (i, column) in columns.iter_mut().enumerate() {
             let shown = judged.iter().filter_map(|row| row.get(i)).find(|c| !c.is_empty());
             if let Some((_, suffix)) = shown.and_then(|cell| with_unit(cell)) {
-                (column.suffix, column.unit) = (Some(suffix.to_owned()), column.unit.take().or(Some(suffix.to_owned())));
+                (column.suffix, column.unit) =
+                    (Some(suffix.to_owned()), column.unit.take().or(Some(suffix.to_owned())));
             }
         }
         for row in &mut judged {
@@ -170,12 +189,25 @@ impl<'t> Layout<'t> {
                 settings.take(&beside);
             }
         }
-        Some(Layout { separator, names_at, headings, first, columns, expected, widest, rows: judged, settings, contradiction, late })
+        Some(Layout {
+            separator,
+            names_at,
+            headings,
+            first,
+            columns,
+            expected,
+            widest,
+            rows: judged,
+            settings,
+            contradiction,
+            late,
+        })
     }
 
     /// Takes the units of `values`, and names of channels, from what stands around the table, for those that their headings leave without.
     pub(crate) fn take_settings(&mut self, values: &[usize]) {
-        let (units, names) = (self.settings.units(self.columns.len(), values), self.settings.names(self.columns.len(), values));
+        let (units, names) =
+            (self.settings.units(self.columns.len(), values), self.settings.names(self.columns.len(), values));
         for &i in values {
             let column = &mut self.columns[i];
             if let Some((name, unit)) = self.settings.channel(&column.name).filter(|_| column.unit.is_none()) {
@@ -184,7 +216,9 @@ impl<'t> Layout<'t> {
             }
             let stated = units.iter().find(|(at, _)| *at == i).map(|(_, unit)| unit);
             column.unit = column.unit.take().or(stated.cloned());
-            if let Some((_, name)) = names.iter().find(|(at, _)| *at == i).filter(|_| column.name.is_empty() || is_nameless(&column.name)) {
+            if let Some((_, name)) =
+                names.iter().find(|(at, _)| *at == i).filter(|_| column.name.is_empty() || is_nameless(&column.name))
+            {
                 *column = Column { unit: column.unit.take(), ..Column::of(name) };
             }
         }
@@ -332,7 +366,9 @@ impl Late {
         };
         // R names one column less than there are where the first numbers the rows; the names of channels may stand in lines of their own
         let begins = row.first().is_some_and(|c| is_time_name(c) || is_date_name(c));
-        let fits = filled >= least || (least > 2 && filled + 1 == least && filled == row.len()) || (begins && row.len() >= least);
+        let fits = filled >= least
+            || (least > 2 && filled + 1 == least && filled == row.len())
+            || (begins && row.len() >= least);
         let worded = row.iter().any(|c| Cell::of(c).is_word() && !is_setting(c));
         fits && worded && row.iter().enumerate().all(names)
     }
@@ -356,7 +392,10 @@ fn numbers_columns(names: &[Cow<'_, str>], below: &[Cow<'_, str>]) -> bool {
     let counted = names.iter().skip(skipped).enumerate();
     let from = |first: usize| counted.clone().all(|(i, cell)| **cell == (i + first).to_string());
     let marked = |row: &[Cow<'_, str>]| row.iter().any(|c| c.contains(['.', ',']));
-    names.len() == below.len() && names.len() > 1 && (from(0) || from(1)) && (skipped == 1 || (marked(below) && !marked(names)))
+    names.len() == below.len()
+        && names.len() > 1
+        && (from(0) || from(1))
+        && (skipped == 1 || (marked(below) && !marked(names)))
 }
 
 /// The cells of a line of headings, which may stand in a comment, as numpy writes them. Where blanks separate the columns, two of them are needed
@@ -391,11 +430,16 @@ fn aligned(mut row: Vec<Cow<'_, str>>, least: usize) -> Vec<Cow<'_, str>> {
 
 /// The line of names among those of headings; leaves the lines that belong to it. Under the names may stand units, and lines on how each value was
 /// taken.
-fn names_line<'t>(headings: &mut Vec<usize>, cells_at: impl Fn(usize) -> Vec<Cow<'t, str>>, late: &Late) -> Option<usize> {
+fn names_line<'t>(
+    headings: &mut Vec<usize>,
+    cells_at: impl Fn(usize) -> Vec<Cow<'t, str>>,
+    late: &Late,
+) -> Option<usize> {
     let is_units = |at: usize| {
         let cells = cells_at(at);
         let numeric = || cells.iter().enumerate().filter(|(i, _)| late.is_numeric(*i));
-        let units = numeric().filter(|(_, cell)| is_known_unit(without_brackets(cell)) || is_clock_format(cell)).count();
+        let units =
+            numeric().filter(|(_, cell)| is_known_unit(without_brackets(cell)) || is_clock_format(cell)).count();
         units > 0 && 2 * units >= numeric().count()
     };
     let is_process = |at: usize| {

@@ -109,8 +109,10 @@ impl Spellings {
     pub(crate) fn repair(&self) -> Option<Repair> {
         let count = self.0.values().map(|(count, _)| count).sum();
         let line = self.0.values().map(|(_, line)| *line).min()?;
-        let listed: Vec<String> = self.0.iter().map(|(spelling, (count, _))| format!("'{spelling}' {count} ×")).collect();
-        let text = counted(count, "value is missing", "values are missing") + &format!(" ({}): recorded as gaps", listed.join(", "));
+        let listed: Vec<String> =
+            self.0.iter().map(|(spelling, (count, _))| format!("'{spelling}' {count} ×")).collect();
+        let text = counted(count, "value is missing", "values are missing")
+            + &format!(" ({}): recorded as gaps", listed.join(", "));
         Some(Repair { lost: true, ..Repair::new("missing-values", count, Some(line), text) })
     }
 }
@@ -125,7 +127,10 @@ pub(crate) fn take_sentinels(values: &mut [f64], lines: &[usize], spellings: &mu
     }
     sorted.sort_by(f64::total_cmp);
     // The middle nine tenths, in which no few strays count.
-    let (Some(low), Some(high)) = (sorted.get(sorted.len() / 20), sorted.get(sorted.len() - 1 - sorted.len() / 20)) else { return };
+    let (Some(low), Some(high)) = (sorted.get(sorted.len() / 20), sorted.get(sorted.len() - 1 - sorted.len() / 20))
+    else {
+        return;
+    };
     let (spread, size) = (high - low, low.abs().max(high.abs()));
     let reach = FAR * spread.max(size);
     let is_far = |v: f64| v < low - reach || v > high + reach;
@@ -133,7 +138,8 @@ pub(crate) fn take_sentinels(values: &mut [f64], lines: &[usize], spellings: &mu
         *counts.entry(value.to_bits()).or_default() += 1;
     }
     // several such values are data of two levels
-    let unknown: Vec<usize> = counts.iter().filter(|(bits, _)| !is_known(f64::from_bits(**bits))).map(|(_, n)| *n).collect();
+    let unknown: Vec<usize> =
+        counts.iter().filter(|(bits, _)| !is_known(f64::from_bits(**bits))).map(|(_, n)| *n).collect();
     let comes_again = unknown.len() == 1 && unknown[0] > 1 && spread > 0.0 && sorted.len() >= ENOUGH;
     let stands_for_none = |v: f64| is_known(v) || comes_again;
     for (value, line) in values.iter_mut().zip(lines) {
@@ -182,7 +188,9 @@ mod tests {
 
     #[test]
     fn a_number_stands_for_none_where_it_is_far_outside_and_known_or_comes_again() {
-        for (stray, spelling) in [(-9999.0, "'-9999' 1 ×"), (9.9e37, "'9.9e37' 1 ×"), (-999.9, "'-999.9' 1 ×"), (7999.0, "'7999' 1 ×")] {
+        for (stray, spelling) in
+            [(-9999.0, "'-9999' 1 ×"), (9.9e37, "'9.9e37' 1 ×"), (-999.9, "'-999.9' 1 ×"), (7999.0, "'7999' 1 ×")]
+        {
             let (values, said) = column(&[(4, stray)]);
             assert!(is_missing(values[4]) && said.contains(spelling), "{said}");
             assert_eq!(values.iter().filter(|v| v.is_nan()).count(), 1);

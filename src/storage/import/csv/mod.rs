@@ -61,14 +61,18 @@ pub(crate) fn read(bytes: &[u8], options: &SourceOptions) -> Result<SourceFile, 
     {
         return Err((Some(line), Box::new(CsvProblem::TwoUnits { column, first, second })));
     }
-    let cut = is_cut_off(text, layout.separator).then(|| all.iter().rev().find(|l| is_row(l.text)).map(|l| l.at)).flatten();
-    if all[layout.first..].iter().filter(|l| is_row(l.text) && Some(l.at) != cut).count() == 0 || layout.rows.is_empty() && layout.names_at == Some(layout.first) {
+    let cut =
+        is_cut_off(text, layout.separator).then(|| all.iter().rev().find(|l| is_row(l.text)).map(|l| l.at)).flatten();
+    if all[layout.first..].iter().filter(|l| is_row(l.text) && Some(l.at) != cut).count() == 0
+        || layout.rows.is_empty() && layout.names_at == Some(layout.first)
+    {
         return Err((header_at.or(Some(all[layout.first].at)), Box::new(CsvProblem::HeaderOnly)));
     }
     let found = roles(&mut layout, options).map_err(|problem| (header_at, Box::new(problem)))?;
     repairs.extend(layout.repairs(&all));
     repairs.extend(found.repairs);
-    let values: Vec<usize> = (0..layout.columns.len()).filter(|i| found.clocks.iter().any(|c| c.values.contains(i))).collect();
+    let values: Vec<usize> =
+        (0..layout.columns.len()).filter(|i| found.clocks.iter().any(|c| c.values.contains(i))).collect();
     layout.take_settings(&values);
     let names = distinct_names(&layout.columns, &mut repairs);
     let worded: Vec<&str> = found.words.iter().map(|&i| names[i].0.as_str()).filter(|n| !n.is_empty()).collect();
@@ -88,8 +92,11 @@ pub(crate) fn read(bytes: &[u8], options: &SourceOptions) -> Result<SourceFile, 
     for columns in &found.clocks {
         let shown = |i: usize| layout.column(i).find(|c| !c.is_empty());
         // one date with a number above 12 shows the order of all
-        let all_dates = |i: usize| all[layout.first..].iter().find_map(|l| order_shown(layout::cells(l.text, layout.separator).get(i)?));
-        let clock = Clock::new(columns.clone(), &layout.columns, shown, all_dates, options).map_err(|p| (header_at.map(|at| at + 1), Box::new(p)))?;
+        let all_dates = |i: usize| {
+            all[layout.first..].iter().find_map(|l| order_shown(layout::cells(l.text, layout.separator).get(i)?))
+        };
+        let clock = Clock::new(columns.clone(), &layout.columns, shown, all_dates, options)
+            .map_err(|p| (header_at.map(|at| at + 1), Box::new(p)))?;
         timed.push(Timed::new(clock, columns.values.clone()));
     }
     let mut spellings = Spellings::default();
@@ -140,16 +147,25 @@ pub(crate) fn read(bytes: &[u8], options: &SourceOptions) -> Result<SourceFile, 
         return Err((header_at, Box::new(CsvProblem::Guessed(guess.text.clone()))));
     }
     let is_track = |i: &usize| tracks.iter().any(|(column, _)| column == i);
-    let others = (0..names.len()).filter(|i| !is_track(i)).flat_map(|i| [names[i].0.clone(), names[i].1.clone()]).collect();
+    let others =
+        (0..names.len()).filter(|i| !is_track(i)).flat_map(|i| [names[i].0.clone(), names[i].1.clone()]).collect();
     let tracks = tracks.into_iter().map(|(_, track)| track).collect();
-    Ok(SourceFile { tracks, start, notes: note(&all[..layout.first], &all[layout.first..], &layout.headings), repairs, spare_tracks: false, others })
+    Ok(SourceFile {
+        tracks,
+        start,
+        notes: note(&all[..layout.first], &all[layout.first..], &layout.headings),
+        repairs,
+        spare_tracks: false,
+        others,
+    })
 }
 
 /// Heading and name of each column; what stands twice is numbered.
 fn distinct_names(columns: &[Column], repairs: &mut Vec<Repair>) -> Vec<(String, String)> {
     let mut names: Vec<(String, String)> = Vec::new();
     for Column { heading, name, .. } in columns {
-        let is_taken = |name: &str, names: &[(String, String)]| !name.is_empty() && names.iter().any(|(_, n)| n == name);
+        let is_taken =
+            |name: &str, names: &[(String, String)]| !name.is_empty() && names.iter().any(|(_, n)| n == name);
         if !is_taken(name, &names) {
             names.push((heading.clone(), name.clone()));
             continue;
@@ -157,7 +173,12 @@ fn distinct_names(columns: &[Column], repairs: &mut Vec<Repair>) -> Vec<(String,
         let number = (2..).find(|k| !is_taken(&format!("{name} {k}"), &names)).unwrap_or(2);
         names.push((format!("{heading} {number}"), format!("{name} {number}")));
     }
-    let again: Vec<&str> = names.iter().zip(columns).filter(|((_, short), c)| *short != c.name).map(|((_, short), _)| short.as_str()).collect();
+    let again: Vec<&str> = names
+        .iter()
+        .zip(columns)
+        .filter(|((_, short), c)| *short != c.name)
+        .map(|((_, short), _)| short.as_str())
+        .collect();
     if !again.is_empty() {
         let text = format!("columns of one name are numbered: {}", again.join(", "));
         repairs.push(Repair::new("names", again.len(), None, text));

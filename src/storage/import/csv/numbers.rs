@@ -66,7 +66,11 @@ impl Numbers {
                 return cell.parse().or_else(|_| fortran(cell)).map_err(|_| no_number());
             };
             self.grouped += 1;
-            return if is_grouped(cell, mark) { cell.replace(mark, "").parse().map_err(|_| no_number()) } else { Err(no_number()) };
+            return if is_grouped(cell, mark) {
+                cell.replace(mark, "").parse().map_err(|_| no_number())
+            } else {
+                Err(no_number())
+            };
         };
         let mark = if cell.as_bytes()[last] == b',' { ',' } else { '.' };
         let other = if mark == ',' { '.' } else { ',' };
@@ -101,7 +105,10 @@ impl Numbers {
         if self.grouped > 0 {
             let text = format!("{} numbers have separators between their thousands", self.grouped);
             // where only the size of the numbers shows it, the file does not say so
-            repairs.push(Repair { guessed: self.thousands.is_some(), ..Repair::new("thousands", self.grouped, None, text) });
+            repairs.push(Repair {
+                guessed: self.thousands.is_some(),
+                ..Repair::new("thousands", self.grouped, None, text)
+            });
         }
         repairs
     }
@@ -245,7 +252,14 @@ mod tests {
         let of = |cells: &[&str]| thousands(cells.iter().copied());
         assert_eq!(of(&["2.802", "2.802", "998", "1.003"]), Some('.'));
         assert_eq!(of(&["2,802", "998"]), Some(','));
-        for decimal in [&["2.802", "3", "2.998"][..], &["2.802", "2.95"], &["2.802", "1.003"], &["998", "1003"], &["0.001", "0", "0.002"], &["0.125", "3"]] {
+        for decimal in [
+            &["2.802", "3", "2.998"][..],
+            &["2.802", "2.95"],
+            &["2.802", "1.003"],
+            &["998", "1003"],
+            &["0.001", "0", "0.002"],
+            &["0.125", "3"],
+        ] {
             assert_eq!(of(decimal), None, "{decimal:?}");
         }
         let mut numbers = Numbers::new(';', Some('.'));

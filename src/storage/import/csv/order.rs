@@ -103,7 +103,11 @@ fn likely_rate(time_s: &[f64]) -> String {
     let changes: Vec<usize> = (1..time_s.len()).filter(|&i| time_s[i] != time_s[i - 1]).collect();
     let (Some(&first), Some(&last)) = (changes.first(), changes.last()) else { return String::new() };
     let rate_hz = (last - first) as f64 / (time_s[last] - time_s[first]);
-    if first < last && rate_hz.is_finite() { format!(" (it seems to be {})", significant(rate_hz, 4)) } else { String::new() }
+    if first < last && rate_hz.is_finite() {
+        format!(" (it seems to be {})", significant(rate_hz, 4))
+    } else {
+        String::new()
+    }
 }
 
 /// Makes one line of those of one time: what they agree in stays, of what they differ in the mean is taken.

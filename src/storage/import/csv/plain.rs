@@ -61,7 +61,10 @@ pub(crate) fn read_strict<'t>(bytes: &'t [u8], rig: &Rig, without: &[String]) ->
 }
 
 /// The numbers of all rows, and how those of each column are written, the times' first.
-fn rows<'t>(header: &[String], mut next: impl FnMut(&mut Row<'t>) -> Option<usize>) -> Result<(Table, Vec<Written>), CsvFault> {
+fn rows<'t>(
+    header: &[String],
+    mut next: impl FnMut(&mut Row<'t>) -> Option<usize>,
+) -> Result<(Table, Vec<Written>), CsvFault> {
     let mut numbers = Numbers::strict();
     let mut table = Table { columns: vec![Vec::new(); header.len() - 1], ..Table::default() };
     let mut written = vec![Written::default(); header.len()];

@@ -2,7 +2,9 @@
 
 use crate::storage::error::CsvProblem;
 use crate::storage::import::csv::cell::Cell;
-use crate::storage::import::csv::heading::{heading_unit, is_counter_name, is_known_unit, is_time_name, time_symbol, time_unit, unit_of_name};
+use crate::storage::import::csv::heading::{
+    heading_unit, is_counter_name, is_known_unit, is_time_name, time_symbol, time_unit, unit_of_name,
+};
 use crate::storage::import::csv::layout::{Column, Layout};
 use crate::storage::import::csv::stamp::Stamp;
 use crate::storage::import::kinds::{is_electric, is_unit, kind_of_name};
@@ -70,7 +72,10 @@ enum Looks {
     /// One and the same unit in every row.
     Unit(String),
     Stamps(Stamp),
-    Numbers { even: bool, values: Vec<f64> },
+    Numbers {
+        even: bool,
+        values: Vec<f64>,
+    },
 }
 
 /// Finds out what each column is, and takes units that stand in a column of their own into the columns.
@@ -84,7 +89,8 @@ pub(crate) fn roles(layout: &mut Layout<'_>, options: &SourceOptions) -> Result<
 }
 
 fn looks_of(layout: &Layout<'_>, column: usize) -> Looks {
-    let cells: Vec<(Cell, &str)> = layout.column(column).map(|c| (Cell::of(c), c)).filter(|(c, _)| *c != Cell::Empty).collect();
+    let cells: Vec<(Cell, &str)> =
+        layout.column(column).map(|c| (Cell::of(c), c)).filter(|(c, _)| *c != Cell::Empty).collect();
     let count = |is: fn(&Cell) -> bool| cells.iter().filter(|(c, _)| is(c)).count();
     let (words, numbers) = (count(|c| c.is_word()), count(|c| c.is_number()));
     let stamps = count(|c| matches!(c, Cell::Stamp(_)));
@@ -92,7 +98,9 @@ fn looks_of(layout: &Layout<'_>, column: usize) -> Looks {
     let first = || cells.iter().find_map(|(c, _)| if let Cell::Stamp(stamp) = c { Some(*stamp) } else { None });
     match cells.first() {
         None => Looks::Empty,
-        Some((_, unit)) if is_known_unit(unit) && cells.iter().all(|(_, c)| c == unit) => Looks::Unit((*unit).to_owned()),
+        Some((_, unit)) if is_known_unit(unit) && cells.iter().all(|(_, c)| c == unit) => {
+            Looks::Unit((*unit).to_owned())
+        }
         _ if words > numbers.max(stamps) => Looks::Words,
         _ if numbers + stamps == 0 && missing > 0 => Looks::Words,
         _ if stamps >= numbers => first().map_or(Looks::Words, Looks::Stamps),
@@ -148,7 +156,8 @@ impl Finder<'_, '_> {
     /// Whether unit or name say that it is a quantity of a test. What a letter alone says, an evenly rising column is not.
     fn is_quantity(&self, i: usize) -> bool {
         let name = &self.column(i).name;
-        let lettered = name.chars().next().is_some_and(|c| matches!(c, 't' | 'T')) && !name.to_lowercase().contains("temp");
+        let lettered =
+            name.chars().next().is_some_and(|c| matches!(c, 't' | 'T')) && !name.to_lowercase().contains("temp");
         self.is_measured(i) || (kind_of_name(name).is_some() && !lettered)
     }
 
@@ -163,7 +172,8 @@ impl Finder<'_, '_> {
         let Column { heading, name, unit, .. } = self.column(i);
         let by_unit = unit.as_deref().and_then(time_unit);
         // what rises evenly needs no other word of a time: `device_ms`
-        let last = || name.rsplit_once(['_', ' ', '.']).and_then(|(_, unit)| time_unit(unit)).filter(|_| self.is_even(i));
+        let last =
+            || name.rsplit_once(['_', ' ', '.']).and_then(|(_, unit)| time_unit(unit)).filter(|_| self.is_even(i));
         by_unit.or_else(|| heading_unit(heading)).or_else(|| unit_of_name(name)).or_else(last)
     }
 
@@ -177,11 +187,15 @@ impl Finder<'_, '_> {
 
     fn roles(&self) -> Result<Roles, CsvProblem> {
         let mut repairs = Vec::new();
-        let stamps: Vec<usize> =
-            (0..self.looks.len()).filter(|&i| matches!(self.looks[i], Looks::Stamps(_)) && self.may_be_time(i)).collect();
+        let stamps: Vec<usize> = (0..self.looks.len())
+            .filter(|&i| matches!(self.looks[i], Looks::Stamps(_)) && self.may_be_time(i))
+            .collect();
         let host = self.stamps_clock(&stamps);
         let fraction = host.as_ref().and_then(|clock| clock.fraction.map(|(column, _)| column));
-        let device: Vec<usize> = self.numbers().filter(|&i| Some(i) != fraction && self.stated_unit(i).is_some() && rises(self.values(i))).collect();
+        let device: Vec<usize> = self
+            .numbers()
+            .filter(|&i| Some(i) != fraction && self.stated_unit(i).is_some() && rises(self.values(i)))
+            .collect();
         let mut clocks = if let Some(rate_hz) = self.options.rate_hz {
             vec![self.counted(1.0 / rate_hz, host.as_ref(), None, &mut repairs)]
         } else if !device.is_empty() {
@@ -225,7 +239,11 @@ impl Finder<'_, '_> {
         let timed = stamps.iter().copied().filter(|&i| stamp(i).is_some_and(|s| s.has_time)).rev();
         let time = timed.max_by_key(|&i| changes(i)).or(stamps.first().copied())?;
         let has_date = stamp(time)?.has_date;
-        let date = stamps.iter().copied().find(|&i| i != time && stamp(i).is_some_and(|s| s.has_date && !s.has_time)).filter(|_| !has_date);
+        let date = stamps
+            .iter()
+            .copied()
+            .find(|&i| i != time && stamp(i).is_some_and(|s| s.has_date && !s.has_time))
+            .filter(|_| !has_date);
         let fraction = stamp(time).filter(|s| s.has_time).and_then(|_| {
             let right = (time + 1..self.looks.len()).find(|&i| self.looks[i] != Looks::Empty)?;
             let unit_s = self.fraction_unit(right)?;
@@ -244,7 +262,9 @@ impl Finder<'_, '_> {
 
     /// The clocks of devices. Of two with no values between them the finer one counts, and of a host's clock the start.
     fn device_clocks(&self, device: &[usize], host: Option<&Clock>, repairs: &mut Vec<Repair>) -> Vec<Clock> {
-        let value_between = |a: usize, b: usize| (a + 1..b).any(|i| matches!(self.looks[i], Looks::Numbers { .. }) && !self.is_counting(i));
+        let value_between = |a: usize, b: usize| {
+            (a + 1..b).any(|i| matches!(self.looks[i], Looks::Numbers { .. }) && !self.is_counting(i))
+        };
         let mut kept: Vec<usize> = Vec::new();
         for &i in device {
             let finer = |last: usize| distinct(self.values(i)) > distinct(self.values(last));
@@ -259,7 +279,8 @@ impl Finder<'_, '_> {
         }
         // a clock to the second beside a finer one of the computer is none
         if let (&[only], Some(host)) = (&kept[..], host)
-            && repeats(self.values(only)) && !self.repeats_stamps(host)
+            && repeats(self.values(only))
+            && !self.repeats_stamps(host)
         {
             return vec![host.clone()];
         }
@@ -267,11 +288,27 @@ impl Finder<'_, '_> {
         kept.into_iter()
             .map(|i| {
                 let unit_s = self.stated_unit(i).unwrap_or(1.0);
-                let form = if unit_s == 86_400.0 { Form::Days } else { self.absolute(i, unit_s).unwrap_or(Form::Numbers(unit_s)) };
+                let form = if unit_s == 86_400.0 {
+                    Form::Days
+                } else {
+                    self.absolute(i, unit_s).unwrap_or(Form::Numbers(unit_s))
+                };
                 if form == Form::Days {
-                    repairs.push(Repair::new("time-unit", 1, None, format!("the times are in '{}', in days; time 0 is the first", self.column(i).heading)));
+                    repairs.push(Repair::new(
+                        "time-unit",
+                        1,
+                        None,
+                        format!("the times are in '{}', in days; time 0 is the first", self.column(i).heading),
+                    ));
                 }
-                Clock { time: Some(i), form, date: host.and_then(|c| c.date), fraction: host.and_then(|c| c.fraction), values: Vec::new(), host: host_at }
+                Clock {
+                    time: Some(i),
+                    form,
+                    date: host.and_then(|c| c.date),
+                    fraction: host.and_then(|c| c.fraction),
+                    values: Vec::new(),
+                    host: host_at,
+                }
             })
             .collect()
     }
@@ -313,18 +350,25 @@ impl Finder<'_, '_> {
             let text = format!("the times are in '{}', in {}", self.column(named[0]).heading, time_symbol(unit_s));
             repairs.push(Repair::new("time-unit", 1, None, text));
         }
-        let clock = |i: usize| Clock { time: Some(i), form, date: None, fraction: None, values: Vec::new(), host: None };
+        let clock =
+            |i: usize| Clock { time: Some(i), form, date: None, fraction: None, values: Vec::new(), host: None };
         Some(named.into_iter().map(clock).collect())
     }
 
     /// Columns that are called times, otherwise the first that rises evenly and is neither a quantity nor a counter.
     fn time_columns(&self) -> Vec<usize> {
         let rising = |i: &usize| rises(self.values(*i));
-        let named: Vec<usize> = self.numbers().filter(rising).filter(|&i| is_time_name(&self.column(i).name) && !self.is_quantity(i)).collect();
+        let named: Vec<usize> = self
+            .numbers()
+            .filter(rising)
+            .filter(|&i| is_time_name(&self.column(i).name) && !self.is_quantity(i))
+            .collect();
         if !named.is_empty() {
             return named;
         }
-        let even = self.numbers().find(|&i| self.is_counting(i) && !(is_counter_name(&self.column(i).name) && self.layout.names_at.is_some()));
+        let even = self.numbers().find(|&i| {
+            self.is_counting(i) && !(is_counter_name(&self.column(i).name) && self.layout.names_at.is_some())
+        });
         even.into_iter().collect()
     }
 
@@ -341,7 +385,9 @@ impl Finder<'_, '_> {
     fn counted(&self, interval_s: f64, host: Option<&Clock>, said: Option<String>, repairs: &mut Vec<Repair>) -> Clock {
         let rate = crate::number::significant(1.0 / interval_s, 6);
         let by = said.map_or(String::new(), |said| format!(", as {said} says"));
-        let counts = |&i: &usize| self.values(i).windows(2).all(|w| w[1] - w[0] == 1.0) && self.values(i).len() > 1 && !self.is_quantity(i);
+        let counts = |&i: &usize| {
+            self.values(i).windows(2).all(|w| w[1] - w[0] == 1.0) && self.values(i).len() > 1 && !self.is_quantity(i)
+        };
         let counter = self.numbers().find(counts).filter(|_| host.is_none());
         let text = match counter {
             Some(i) => format!("'{}' counts samples, {rate} a second{by}", self.column(i).heading),
@@ -385,13 +431,18 @@ impl Finder<'_, '_> {
     }
 
     fn without_time(&self) -> CsvProblem {
-        let named = |is: &dyn Fn(usize) -> bool| (0..self.looks.len()).find(|&i| is(i)).map(|i| self.column(i).heading.clone());
+        let named =
+            |is: &dyn Fn(usize) -> bool| (0..self.looks.len()).find(|&i| is(i)).map(|i| self.column(i).heading.clone());
         let times = named(&|i| is_time_name(&self.column(i).name) && matches!(self.looks[i], Looks::Numbers { .. }));
         let counter = named(&|i| !self.column(i).name.is_empty() && is_counter_name(&self.column(i).name));
         let text = match (&times, counter) {
-            (Some(name), _) => format!(" in a unit that can be guessed: give the unit of '{name}' with option `time-unit`"),
+            (Some(name), _) => {
+                format!(" in a unit that can be guessed: give the unit of '{name}' with option `time-unit`")
+            }
             (None, Some(name)) => format!(": '{name}' counts samples; give their rate with option `rate`"),
-            (None, None) => String::from("; if there is one sample after the other, give their rate with option `rate`"),
+            (None, None) => {
+                String::from("; if there is one sample after the other, give their rate with option `rate`")
+            }
         };
         let columns = self.layout.columns.iter().map(|c| c.heading.as_str()).collect::<Vec<_>>().join(", ");
         CsvProblem::NoTimes { named: text, counted: times.is_none(), columns }
@@ -400,11 +451,20 @@ impl Finder<'_, '_> {
     /// Gives each column of values its clock, the nearest on its left, and returns the columns that count.
     fn assign(&self, clocks: &mut [Clock], fraction: Option<usize>) -> Vec<usize> {
         let times: Vec<usize> = clocks.iter().filter_map(|c| c.time).collect();
-        let parts: Vec<usize> =
-            clocks.iter().flat_map(|c| [c.date, c.fraction.map(|(i, _)| i), c.host]).flatten().chain(times.iter().copied()).chain(fraction).collect();
+        let parts: Vec<usize> = clocks
+            .iter()
+            .flat_map(|c| [c.date, c.fraction.map(|(i, _)| i), c.host])
+            .flatten()
+            .chain(times.iter().copied())
+            .chain(fraction)
+            .collect();
         let mut counters = Vec::new();
-        for i in (0..self.looks.len()).filter(|i| matches!(self.looks[*i], Looks::Numbers { .. }) && !parts.contains(i)) {
-            let counts = self.stated_unit(i).is_some() || self.form_since_1970(i).is_some() || self.is_counting(i) || (is_time_name(&self.column(i).name) && rises(self.values(i)) && !self.is_quantity(i));
+        for i in (0..self.looks.len()).filter(|i| matches!(self.looks[*i], Looks::Numbers { .. }) && !parts.contains(i))
+        {
+            let counts = self.stated_unit(i).is_some()
+                || self.form_since_1970(i).is_some()
+                || self.is_counting(i)
+                || (is_time_name(&self.column(i).name) && rises(self.values(i)) && !self.is_quantity(i));
             if counts && !self.is_given(i) {
                 counters.push(i);
                 continue;

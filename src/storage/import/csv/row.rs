@@ -25,7 +25,9 @@ impl<'t> Row<'t> {
         let mut quoted = csv::ReaderBuilder::new().has_headers(false).delimiter(delimiter).from_reader(line.as_bytes());
         let record = quoted.records().next().and_then(Result::ok).unwrap_or_default();
         // `="0.5"` keeps a spreadsheet from reading a number
-        let plain = |cell: &str| cell.trim().strip_prefix("=\"").and_then(|c| c.strip_suffix('"')).unwrap_or(cell.trim()).to_owned();
+        let plain = |cell: &str| {
+            cell.trim().strip_prefix("=\"").and_then(|c| c.strip_suffix('"')).unwrap_or(cell.trim()).to_owned()
+        };
         self.cells.extend(record.iter().map(|cell| Cow::Owned(plain(cell))));
     }
 

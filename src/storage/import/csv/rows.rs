@@ -64,7 +64,12 @@ impl<'t> Rows<'_, 't> {
     ///
     /// # Errors
     /// The line, and what is wrong in it.
-    pub(crate) fn read(mut self, timed: &mut [Timed], numbers: &mut Numbers, spellings: &mut Spellings) -> Result<Vec<Repair>, CsvFault> {
+    pub(crate) fn read(
+        mut self,
+        timed: &mut [Timed],
+        numbers: &mut Numbers,
+        spellings: &mut Spellings,
+    ) -> Result<Vec<Repair>, CsvFault> {
         let mut repairs = Vec::new();
         let mut left = Left::default();
         let mut row = Row::default();
@@ -82,7 +87,12 @@ impl<'t> Rows<'_, 't> {
                 continue;
             }
             row.read(line.text, self.layout.separator);
-            self.layout.columns.iter().enumerate().filter_map(|(i, c)| Some((i, c.suffix.as_ref()?))).for_each(|(i, unit)| row.take_suffix(i, unit));
+            self.layout
+                .columns
+                .iter()
+                .enumerate()
+                .filter_map(|(i, c)| Some((i, c.suffix.as_ref()?)))
+                .for_each(|(i, unit)| row.take_suffix(i, unit));
             if self.is_remark(&row, timed) {
                 left.remarks.push(line.at);
                 continue;
@@ -92,13 +102,17 @@ impl<'t> Rows<'_, 't> {
                 let is_last = i + 1 == rows.len();
                 let is_first = timed.iter().all(|t| t.table.time_s.is_empty());
                 if !is_last || is_first || found > self.layout.expected {
-                    return Err((Some(line.at), Box::new(CsvProblem::Ragged { found, expected: self.layout.expected })));
+                    return Err((
+                        Some(line.at),
+                        Box::new(CsvProblem::Ragged { found, expected: self.layout.expected }),
+                    ));
                 }
                 self.cut = Some(line.at);
                 break;
             }
             for timed in &mut *timed {
-                self.take(timed, &row, line.at, numbers, spellings).map_err(|problem| (Some(line.at), Box::new(problem)))?;
+                self.take(timed, &row, line.at, numbers, spellings)
+                    .map_err(|problem| (Some(line.at), Box::new(problem)))?;
             }
         }
         if let Some(line) = self.cut {
@@ -110,7 +124,14 @@ impl<'t> Rows<'_, 't> {
     }
 
     /// Reads what a clock gives the time of.
-    fn take(&self, timed: &mut Timed, row: &Row<'t>, line: usize, numbers: &mut Numbers, spellings: &mut Spellings) -> Result<(), CsvProblem> {
+    fn take(
+        &self,
+        timed: &mut Timed,
+        row: &Row<'t>,
+        line: usize,
+        numbers: &mut Numbers,
+        spellings: &mut Spellings,
+    ) -> Result<(), CsvProblem> {
         let columns = &self.layout.columns;
         let holds = |i: &usize| row.get(*i).is_some_and(|c| !c.is_empty());
         let is_timeless = timed.clock.is_timeless(row, is_no_time);
@@ -141,17 +162,23 @@ impl<'t> Rows<'_, 't> {
     /// Some loggers write their headings anew with every block, and above them when it began.
     fn segments(&self, rows: &[Line<'t>]) -> Vec<Segment> {
         let headings = &self.layout.headings;
-        let again: Vec<usize> = (0..rows.len()).filter(|&i| headings.iter().any(|&at| self.lines[at].text == rows[i].text)).collect();
+        let again: Vec<usize> =
+            (0..rows.len()).filter(|&i| headings.iter().any(|&at| self.lines[at].text == rows[i].text)).collect();
         let options = SourceOptions::default();
         let began = |settings: &Settings| settings.start(&options).map(|(start, _)| start.unix_ns);
         let first_ns = began(&self.layout.settings);
         let names = again.iter().copied().filter(|i| !again.contains(&(i + 1)));
         names
             .map(|names| {
-                let from = (0..names).rev().find(|&i| !again.contains(&i) && self.layout.is_row(rows[i].text)).map_or(0, |row| row + 1);
+                let from = (0..names)
+                    .rev()
+                    .find(|&i| !again.contains(&i) && self.layout.is_row(rows[i].text))
+                    .map_or(0, |row| row + 1);
                 let mut settings = Settings::default();
                 rows[from..names].iter().for_each(|line| settings.take(&cells(line.text, self.layout.separator)));
-                let late_s = began(&settings).zip(first_ns).map(|(ns, first)| (i128::from(ns) - i128::from(first)) as f64 * 1e-9);
+                let late_s = began(&settings)
+                    .zip(first_ns)
+                    .map(|(ns, first)| (i128::from(ns) - i128::from(first)) as f64 * 1e-9);
                 Segment { from, names, late_s }
             })
             .collect()
@@ -192,7 +219,12 @@ impl Left {
             Some(Repair::new(what, lines.len(), Some(first), counted(lines.len(), one, several)))
         };
         let again = of("headings-again", &self.headings, "line repeats the headings", "lines repeat the headings");
-        let remarks = of("remarks", &self.remarks, "line among or under the rows is a remark or a sum", "lines among or under the rows are remarks or sums");
+        let remarks = of(
+            "remarks",
+            &self.remarks,
+            "line among or under the rows is a remark or a sum",
+            "lines among or under the rows are remarks or sums",
+        );
         again.into_iter().chain(remarks).collect()
     }
 }

@@ -101,7 +101,9 @@ impl Setting {
         let cells = || self.cells.iter().map(|c| c.trim()).enumerate().filter(|(_, c)| !c.is_empty());
         let owned = |(i, cell): (usize, &str)| (i, cell.to_owned());
         match cells().count() {
-            1 if values.len() > 1 => cells().flat_map(|(_, cell)| values.iter().map(move |v| owned((*v, cell)))).collect(),
+            1 if values.len() > 1 => {
+                cells().flat_map(|(_, cell)| values.iter().map(move |v| owned((*v, cell)))).collect()
+            }
             n if n == values.len() => values.iter().zip(cells()).map(|(v, (_, cell))| owned((*v, cell))).collect(),
             _ => {
                 let shift = usize::from(self.cells.len() != width);
@@ -143,7 +145,12 @@ impl Settings {
 
     /// Takes a value that stands under its heading.
     pub(crate) fn take_under(&mut self, heading: &str, cell: &str) {
-        self.all.push(Setting { name: heading.to_owned(), key: bare(heading), cells: vec![cell.to_owned()], head: None });
+        self.all.push(Setting {
+            name: heading.to_owned(),
+            key: bare(heading),
+            cells: vec![cell.to_owned()],
+            head: None,
+        });
     }
 
     /// The time between samples that is stated, s, and the words that state it.
@@ -166,7 +173,8 @@ impl Settings {
             }
             let value = Numbers::new(';', None).read(number, "").ok()?;
             let behind = setting.cells.get(1).map_or("", |c| c.trim());
-            let unit = [first[end..].trim(), unit.as_str(), behind].into_iter().find(|u| !u.is_empty() && scale(u).is_some());
+            let unit =
+                [first[end..].trim(), unit.as_str(), behind].into_iter().find(|u| !u.is_empty() && scale(u).is_some());
             let stated = match (unit.and_then(scale), is_rate) {
                 (Some(scale), _) => scale,
                 (None, true) => Scale::Rate(1.0),
@@ -198,7 +206,8 @@ impl Settings {
 
     /// The names of columns, where a line states them.
     pub(crate) fn names(&self, width: usize, values: &[usize]) -> Vec<(usize, String)> {
-        let stated = |key: &&&str| self.all.iter().any(|s| s.key == **key && s.cells.len() >= values.len() && values.len() > 1);
+        let stated =
+            |key: &&&str| self.all.iter().any(|s| s.key == **key && s.cells.len() >= values.len() && values.len() > 1);
         let Some(key) = NAMES.iter().find(stated) else { return Vec::new() };
         self.all.iter().find(|s| s.key == *key).map_or(Vec::new(), |line| line.by_column(width, values))
     }
@@ -209,11 +218,16 @@ impl Settings {
         if let Some(unit) = self.all.iter().find(under).and_then(|s| s.cells.first()).filter(|u| is_known_unit(u)) {
             return Some((None, unit.clone()));
         }
-        let head = self.all.iter().position(|s| s.cells.len() > 1 && s.cells.iter().any(|c| UNITS.contains(&bare(c).as_str())))?;
+        let head = self
+            .all
+            .iter()
+            .position(|s| s.cells.len() > 1 && s.cells.iter().any(|c| UNITS.contains(&bare(c).as_str())))?;
         let place = |of: &[&str]| self.all[head].cells.iter().position(|c| of.contains(&bare(c).as_str()));
         let row = self.all[head + 1..].iter().find(|s| s.key == bare(heading) && !s.key.is_empty())?;
         let cell = |at: Option<usize>| at.and_then(|at| row.cells.get(at)).filter(|c| !c.is_empty()).cloned();
-        let unit = cell(place(&UNITS)).map(|u| u.trim_matches(['[', ']', '(', ')']).to_owned()).filter(|u| is_known_unit(u))?;
+        let unit = cell(place(&UNITS))
+            .map(|u| u.trim_matches(['[', ']', '(', ')']).to_owned())
+            .filter(|u| is_known_unit(u))?;
         Some((cell(place(&NAMES)), unit))
     }
 
@@ -252,7 +266,9 @@ enum Scale {
 fn scale(unit: &str) -> Option<Scale> {
     let unit = unit.trim().trim_start_matches(['[', '(']).trim_end_matches([']', ')']);
     let rate = match unit.to_lowercase().as_str() {
-        "hz" | "1/s" | "s/s" | "sa/s" | "samples/s" | "sps" | "samples/sec" | "samples per second" | "sample/s" => Some(1.0),
+        "hz" | "1/s" | "s/s" | "sa/s" | "samples/s" | "sps" | "samples/sec" | "samples per second" | "sample/s" => {
+            Some(1.0)
+        }
         "khz" | "ks/s" | "ksa/s" | "ksps" => Some(1e3),
         "mhz" | "ms/s" | "msa/s" => Some(1e6),
         _ => None,

@@ -273,10 +273,13 @@ mod tests {
             assert!((read.digit_s - if text.contains("250000") { 1e-6 } else { 1e-3 }).abs() < 1e-12);
         }
         let minutes = Stamp::parse("26:53.250", Order::Unknown).unwrap();
-        assert!(minutes.in_hour && !minutes.has_date && minutes.ns_of_day == (26 * 60 + 53) * 1_000_000_000 + 250_000_000);
+        assert!(
+            minutes.in_hour && !minutes.has_date && minutes.ns_of_day == (26 * 60 + 53) * 1_000_000_000 + 250_000_000
+        );
         let hours = Stamp::parse("09:26", Order::Unknown).unwrap();
         assert!(!hours.in_hour && hours.ns_of_day == (9 * 60 + 26) * 60 * 1_000_000_000);
-        for text in ["P1", "Mar", "1:2:3:4", "14-Foo-2026", "26:53.25:1", "later", "2026", "Run 7 2026:", "Test 12:30"] {
+        for text in ["P1", "Mar", "1:2:3:4", "14-Foo-2026", "26:53.25:1", "later", "2026", "Run 7 2026:", "Test 12:30"]
+        {
             assert!(Stamp::parse(text, Order::Unknown).is_none(), "{text}");
         }
     }
