@@ -252,6 +252,20 @@ impl ModelFile {
         self.models.iter().rposition(|m| m.grown_from == Some(self.in_force)).map(|i| i + 1)
     }
 
+    /// The nearest model that the one in force grew out of and that is the same but for an effect, named by its label or its name; none where
+    /// there is no such model, or where values have been held or bounded since.
+    pub fn before(&self, effect: &str) -> Option<usize> {
+        let now = self.current();
+        let is_it = |label: &String| label == effect || label.split([':', '@']).next() == Some(effect);
+        let rest: Vec<&String> = now.effects.iter().filter(|label| !is_it(label)).collect();
+        let parent = |number: &usize| self.models[number - 1].grown_from;
+        let mut chain = std::iter::successors(now.grown_from, parent);
+        chain.find(|number| {
+            let was = &self.models[number - 1];
+            rest.len() < now.effects.len() && was.effects.iter().eq(rest.iter().copied()) && was.is_settled_as(now)
+        })
+    }
+
     /// Puts the model in force that the present one grew out of; false where it is the first.
     pub fn step_back(&mut self) -> bool {
         let Some(parent) = self.current().grown_from else { return false };
@@ -307,6 +321,17 @@ impl Entry {
                 Constraint { name: p.name.clone(), run: p.run.clone(), lower, upper }
             })
             .collect()
+    }
+
+    /// Whether what it holds, bounds and knows beforehand is the same in another model.
+    fn is_settled_as(&self, other: &Entry) -> bool {
+        self.parameters.iter().all(|own| {
+            let same = other.parameters.iter().find(|p| p.name == own.name && p.run == own.run);
+            same.is_some_and(|p| {
+                let bounds = (p.lower, p.upper) == (own.lower, own.upper);
+                (p.fixed, p.prior) == (own.fixed, own.prior) && if own.fixed { p.value == own.value } else { bounds }
+            })
+        })
     }
 
     /// Its values, each with its name and run.

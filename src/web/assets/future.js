@@ -5,6 +5,7 @@ import { app, act, inWords, proposals } from "/assets/store.js";
 import { load, try_, watchFit } from "/assets/charts.js";
 import { falls, least, models } from "/assets/past.js";
 import { copier } from "/assets/commands.js";
+import { rest } from "/assets/hands.js";
 
 function sentence(found) {
   const p = `probability ${probable(found.probability)}`;
@@ -77,17 +78,19 @@ export function job() {
   box.hidden = !at_work;
   if (!at_work) { errors = []; focusFollows(false); return; }
   errors = at_work.errors;
-  put(box, h("p", {}, h("b", { text: at_work.what }), " ", h("span", { id: "progress", text: at_work.progress })), h("div", { id: "falling" }),
+  put(box, h("p", {}, h("b", { text: at_work.what }), " ", h("span", { class: "progress", text: at_work.progress })), h("div", { id: "falling" }),
     h("button", { type: "button", text: "Cancel", "data-key": "cancel", title: "key Escape", onclick: () => act("/api/cancel") }));
   focusFollows(true);
   falling();
 }
 
+// A diagnosis fits many models by turns, and a profile one at many places: their errors make no curve.
+const descends = (what) => !/^(diagnosing|profiling)/.test(what);
+
 const [LEFT, RIGHT, TOP, BOTTOM] = [52, 292, 8, 74];
 function falling() {
   const box = at("falling");
-  // a diagnosis fits many models by turns: their errors make no curve
-  if (!box || errors.length < 2 || app.state.job?.what === "diagnosing") return;
+  if (!box || errors.length < 2 || !app.state.job || !descends(app.state.job.what)) return;
   // a fit starts from several places: their errors after one another would look as if it went astray
   const lowest = errors.map(((low) => ([, error]) => (low = Math.min(low, error)))(Infinity));
   const now = lowest.at(-1);
@@ -111,10 +114,9 @@ export function progress(list) {
   if (!own.length) return;
   const [last, moved] = [own.at(-1), own.filter((told) => told.rmse_m !== null)];
   errors.push(...moved.map((told) => [told.iteration, told.rmse_m]));
-  const words = at("progress");
-  if (words) words.textContent = last.progress;
+  document.querySelectorAll(".progress").forEach((words) => { words.textContent = last.progress; });
   falling();
-  if (last.what === "diagnosing") return;
+  if (!descends(last.what)) return;
   if (own.some((told) => told.moves)) watchFit(last.job);
   if (moved.length && app.state.model) falls(least(errors));
 }
@@ -138,7 +140,7 @@ export function missing() {
   put(at("candidates"), model ? shown.map(candidate) : null, next);
   const own = model?.effects || [];
   put(at("effects-in"), own.length ? h("h2", { text: "In the model" }) : null, own.map((effect) => {
-    const off = h("input", { type: "checkbox", checked: !app.without.has(effect), onchange: () => { if (off.checked) app.without.delete(effect); else app.without.add(effect); try_(false); } });
+    const off = h("input", { type: "checkbox", checked: !app.without.has(effect), onchange: () => { if (off.checked) app.without.delete(effect); else app.without.add(effect); rest(); try_(false); } });
     const about = app.effects.get(effect.split(/[:@]/)[0]);
     const [name, elements] = effect.split(":");
     const more = about?.most_elements > Number(elements || 1) ? h("button", { type: "button", text: "More elements", "aria-label": `More elements of ${name}`, title: "as many more as the recording supports", "data-key": `e${effect}`, disabled: Boolean(at_work), onclick: () => add(name) }) : null;

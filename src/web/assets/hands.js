@@ -1,32 +1,17 @@
 // The parameters of the model in force: drag one and the curves follow; hold it, bound it, fit.
 
-import { at, digits, h, keyOf, named, put, uncertain, unitOf } from "/assets/dom.js";
+import { at, digits, h, keyOf, named, put, svg, uncertain, unitOf } from "/assets/dom.js";
 import { app, act, complain, content, inWords } from "/assets/store.js";
 import { try_, whenTried } from "/assets/charts.js";
 import { models } from "/assets/past.js";
+import { known } from "/assets/known.js";
+import { decimals, scale, slider } from "/assets/slider.js";
 
-const STEPS = 2000;
 const rows = new Map();
+const THUMB_PX = 16;
 
 const bounds = (p) => app.bounds[p.name] || [p.lower, p.upper];
-// What a slider spans: its bounds, or where those are far away, four times the fitted value.
-const FAR = 10;
-const span = (p) => {
-  const [low, high] = bounds(p);
-  return p.name in app.bounds || p.log || low < 0 || !(high > FAR * p.value) || !(p.value > low) ? [low, high] : [low, 4 * p.value];
-};
 const valueOf = (p) => app.moved[p.name] ?? app.followed.get(keyOf(p)) ?? p.value;
-
-// A slider is linear in the parameter, or in its logarithm where the fit moves it so.
-function scale(p) {
-  const [low, high] = span(p);
-  const log = p.log && low > 0;
-  const [a, b] = log ? [Math.log(low), Math.log(high)] : [low, high];
-  return {
-    step: (value) => (STEPS * ((log ? Math.log(Math.max(value, low)) : value) - a)) / (b - a || 1),
-    value: (step) => { const x = a + ((b - a) * step) / STEPS; return log ? Math.exp(x) : x; },
-  };
-}
 
 // Sets a value by hand, from a slider, a field or the drawing; `coarse` while it moves.
 export function move(name, value, coarse) {
@@ -55,21 +40,26 @@ function update(p) {
   const value = valueOf(p);
   const moved = p.name in app.moved;
   const was = moved || app.followed.has(keyOf(p));
-  const { step } = scale(p);
-  row.slider.value = step(value);
-  row.slider.setAttribute("aria-valuetext", `${digits(value, 4)} ${unitOf(p)}`);
-  // what a person typed stays as typed
-  row.field.value = +Number(moved ? value : uncertain(value, p.standard_error).split(" ")[0].replace("−", "-")).toPrecision(6);
+  row.slider.show(value);
+  row.slider.input.setAttribute("aria-valuetext", `${digits(value, 4)} ${unitOf(p)}`);
+  // moved by hand, it shows the finest step
+  const places = moved ? decimals(p) : null;
+  row.field.value = +(moved ? (places === null ? value.toPrecision(6) : value.toFixed(places)) : uncertain(value, p.standard_error).split(" ")[0].replace("−", "-"));
   const error = p.standard_error > 0 && `± ${uncertain(p.value, p.standard_error).split("± ")[1]}`;
   const fitted = error ? [`${error} ${unitOf(p)}`] : [unitOf(p), p.held && "held"].filter(Boolean);
-  row.said.textContent = was ? `was ${digits(p.value, 4)} ${unitOf(p)}` : fitted.join(", ");
+  // the slider of an effect that is switched off rests: it would move nothing
+  const rests = app.without.has(p.effect);
+  row.box.classList.toggle("rests", rests);
+  [row.slider.input, row.field, row.hold].forEach((control) => { control.disabled = rests; });
+  row.said.textContent = rests ? "switched off" : was ? `was ${digits(p.value, 4)} ${unitOf(p)}` : fitted.join(", ");
   row.said.title = `fitted: ${uncertain(p.value, p.standard_error)} ${unitOf(p)}`;
   row.box.classList.toggle("moved", moved);
   const [low, high] = p.interval_95 || [];
   const shade = Number.isFinite(low) && Number.isFinite(high) && low !== null;
-  const share = (v) => Math.min(100, Math.max(0, (100 * step(v)) / STEPS));
-  row.shade.style.setProperty("left", shade ? `${share(low)}%` : "0");
-  row.shade.style.setProperty("width", shade ? `${Math.max(0.6, share(high) - share(low))}%` : "0");
+  const { share } = row.slider;
+  // the middle of a thumb stays within the track
+  row.shade.style.setProperty("left", shade ? `calc(${THUMB_PX / 2}px + ${share(low)} * (100% - ${THUMB_PX}px))` : "0");
+  row.shade.style.setProperty("width", shade ? `calc(${Math.max(0.006, share(high) - share(low))} * (100% - ${THUMB_PX}px))` : "0");
 }
 
 function bound(p, i) {
@@ -86,8 +76,6 @@ function bound(p, i) {
 }
 
 function row(p) {
-  const slider = h("input", { type: "range", min: 0, max: STEPS, step: 1, "aria-label": `${named(p)}: ${p.about}`,
-    oninput: () => move(p.name, scale(p).value(slider.valueAsNumber), true), onchange: () => release(p.name) });
   const typed = () => {
     const [value, [low, high]] = [field.valueAsNumber, bounds(p)];
     if (value >= low && value <= high) { content(); move(p.name, value, false); release(p.name); return; }
@@ -95,6 +83,7 @@ function row(p) {
     update(p);
   };
   const field = h("input", { type: "number", step: "any", class: "value", "aria-label": `${named(p)}, ${p.unit}`, onchange: typed });
+  const drag = slider({ label: `${named(p)}: ${p.about}`, field, of: { scale: () => scale(p, ...bounds(p)), value: () => valueOf(p) }, move: (value) => move(p.name, value, true), release: () => release(p.name) });
   const held = app.hold.has(p.name) || (p.held && !app.free.has(p.name));
   const hold = h("input", { type: "checkbox", checked: held, "aria-label": `Hold ${named(p)}`, onchange: () => {
     (hold.checked ? app.hold : app.free).add(p.name);
@@ -106,8 +95,11 @@ function row(p) {
     h("div", {}, h("p", { text: p.about }), h("label", {}, "from ", bound(p, 0)), h("label", {}, "to ", bound(p, 1))));
   const box = h("div", { class: `parameter${p.advice ? " doubtful" : ""}` },
     h("div", { class: "label", title: p.about }, h("b", { text: named(p) }), p.advice ? h("span", { class: "mark", title: inWords(p.advice), text: "!" }) : null, more, p.run && app.state.open.runs.length > 1 ? h("span", { class: "hint run", text: p.run }) : null),
-    h("div", { class: "slider" }, shade, slider), field, said, h("label", { class: "hold", title: "hold it: a fit leaves it where it is" }, hold, h("span", { text: " hold" })));
-  rows.set(keyOf(p), { slider, field, said, shade, box });
+    h("div", { class: "slider" }, shade, drag.input), field, said,
+    h("button", { type: "button", class: "quiet knows", title: "How well it is known: its likelihood, and what it trades with", "aria-label": `How well ${named(p)} is known`, onclick: () => known(p) },
+      svg("svg", { viewBox: "0 0 16 12", "aria-hidden": "true" }, svg("path", { d: "M1 1c2 12 12 12 14 0" }))),
+    h("label", { class: "hold", title: "hold it: a fit leaves it where it is" }, hold, h("span", { text: "hold" })));
+  rows.set(keyOf(p), { slider: drag, field, said, shade, box, hold });
   return box;
 }
 
@@ -145,6 +137,9 @@ export function parameters() {
   model.parameters.forEach(update);
   at("trial").textContent = "";
 }
+
+// An effect was switched off, or on again.
+export const rest = () => app.state.model?.parameters.forEach(update);
 
 export function reset() {
   app.moved = {};

@@ -3,7 +3,7 @@
 import { AWAY, ask, listen } from "/assets/api.js";
 import { at, h, put, showIn } from "/assets/dom.js";
 import { app, act, complain, content, modelKey, onState, refresh, renew, tell } from "/assets/store.js";
-import { charts, draw, load, pan, part } from "/assets/charts.js";
+import { charts, draw, load, mark, oneChart, pan, part, span } from "/assets/charts.js";
 import { fails, models } from "/assets/past.js";
 import { fit, parameters, reset } from "/assets/hands.js";
 import { commandOf, copy } from "/assets/commands.js";
@@ -12,19 +12,25 @@ import { catalogue, job, missing, progress } from "/assets/future.js";
 import { list, runs } from "/assets/runs.js";
 import { arrive } from "/assets/arrive.js";
 import { tables } from "/assets/newrig.js";
-import { live, record, recording } from "/assets/record.js";
+import { folds } from "/assets/folds.js";
+import { knownAnew } from "/assets/known.js";
+import { live, recording, toRecorder, whenLooked } from "/assets/live.js";
+import { marks } from "/assets/marks.js";
+import { record } from "/assets/record.js";
 
-const KEYS = [["1 2 3", "first rise, a cycle, the whole record"], ["← →", "pan"], ["d", "diagnose"], ["f", "fit"], ["u r", "undo, redo"], ["m", "heads in m, or in the sensors' own unit"], ["p", "a place along the pipe: arrows move it, Enter adds an effect there"], ["c", "the candidates: Tab to Add"], ["s", "the sliders"], ["o", "runs"], ["e", "effects"], ["Escape", "cancel the job"], ["?", "these keys"]];
+const KEYS = [["1 2 3", "first rise, a cycle, the whole record"], ["← →", "pan"], ["d", "diagnose"], ["f", "fit"], ["u r", "undo, redo"], ["m", "heads in m, or in the sensors' own unit"], ["p", "a place along the pipe: arrows move it, Enter adds an effect there"], ["c", "the candidates: Tab to Add"], ["s", "the sliders"], ["t", "all sensors in one chart"], ["x", "a mark in the charts, where the cursor is: two marks read the time and the heads between them"], [", .", "the last mark to the left or right"], ["o", "runs"], ["e", "effects"], ["Escape", "cancel the job; take the marks away"], ["?", "these keys"]];
 
 function title() {
   const open = app.state.open;
   const run = open?.runs[0];
   const about = run && [run.recorded_at && new Date(run.recorded_at).toLocaleString(), run.velocity_m_s && `${run.flow_m3_s === null ? "≈ " : ""}${run.velocity_m_s.toFixed(2)} m/s`, run.temperature_degC && `${run.temperature_degC.toFixed(1)} °C`].filter(Boolean).join(", ");
-  at("title").textContent = open ? [open.title, about].filter(Boolean).join(" · ") : app.state.place;
+  const recorder = document.body.classList.contains("recorder");
+  at("title").textContent = recorder ? `Recording on ${app.state.recording.rig.name}` : open ? [open.title, about].filter(Boolean).join(" · ") : app.state.place;
   document.title = open ? `${open.title} · surgescope` : "surgescope";
   const own = run?.sensors.find((s) => s.unit)?.unit.symbol;
-  at("own-unit").hidden = !own;
-  at("own-unit").textContent = own || "own";
+  const recorded = app.state.recording.running && Object.values(app.state.recording.rig.heads)[0]?.symbol;
+  at("own-unit").hidden = !own && !recorded;
+  at("own-unit").textContent = (recorder && recorded) || own || recorded || "own";
   at("show-runs").textContent = `Runs (${app.state.runs.length})`;
   if (open && open.title !== shown) {
     if (shown && !app.opens) complain(new Error(`${open.title} is open now, by another tab or a recording: all tabs of one program show the same run.`));
@@ -54,14 +60,15 @@ function meet() {
 }
 let met = false;
 
+whenLooked(title);
 let loaded = null;
 onState(() => {
   // where no run is open there is nothing to fit or to explain
   document.body.classList.toggle("bare", !app.state.open && !app.state.job);
+  recording();
   meet();
   tables();
   list();
-  title();
   inUnit();
   charts();
   // the curves are on their way while the rest is drawn
@@ -73,7 +80,7 @@ onState(() => {
   missing();
   job();
   parameters();
-  recording();
+  knownAnew();
 });
 
 // Errors of all sensors together have the sensors' own unit where that is one.
@@ -100,6 +107,9 @@ const diagnose = () => act("/api/diagnose");
 
 document.querySelectorAll("[data-unit]").forEach((b) => b.addEventListener("click", () => unit(b.dataset.unit)));
 document.querySelectorAll("[data-range]").forEach((b) => b.addEventListener("click", () => part(b.dataset.range)));
+folds();
+// How far a key moves a mark, s.
+const shift = () => (span()[1] - span()[0]) / 400;
 // On a phone one part is seen at a time.
 function tab(name) {
   document.querySelector("main").dataset.tab = name;
@@ -108,17 +118,18 @@ function tab(name) {
 document.querySelectorAll("#tabs button").forEach((b) => b.addEventListener("click", () => tab(b.dataset.tab)));
 at("diagnose").addEventListener("click", diagnose);
 at("show-catalogue").addEventListener("click", catalogue);
+at("together").addEventListener("click", oneChart);
 at("show-runs").addEventListener("click", runs);
-at("show-record").addEventListener("click", record);
+at("show-record").addEventListener("click", () => (app.state.recording.running ? toRecorder() : record()));
 at("show-keys").addEventListener("click", keys);
 at("fit").addEventListener("click", fit);
-at("reset").addEventListener("click", () => { reset(); rig(); });
+at("reset").addEventListener("click", () => { reset(); missing(); rig(); });
 at("copy").addEventListener("click", () => app.state.model && copy(commandOf("fit")));
 
 function keys() {
   put(at("keys"), h("form", { method: "dialog", class: "heading" }, h("h2", { text: "Keys" }), h("button", { text: "Close" })),
     h("table", {}, h("tbody", {}, KEYS.map(([key, what]) => h("tr", {}, h("th", { scope: "row" }, h("kbd", { text: key })), h("td", { text: what }))))),
-    h("p", { text: "Drag over a chart to zoom in, double-click to see the whole record. Everything can be reached with Tab." }));
+    h("p", { text: "Drag over a chart to zoom in, double-click to see the whole record; two clicks read differences. On a slider, arrow keys and wheel move by a tenth of its error, with Shift by a hundredth. Everything can be reached with Tab." }));
   at("keys").showModal();
 }
 
@@ -130,7 +141,8 @@ document.addEventListener("keydown", (event) => {
     1: () => part("rise"), 2: () => part("cycle"), 3: () => part("all"), ArrowLeft: () => pan(-0.25), ArrowRight: () => pan(0.25),
     d: diagnose, f: fit, u: () => act("/api/undo"), r: () => act("/api/redo"), m: () => unit(app.unit === "m" && !at("own-unit").hidden ? "own" : "m"), o: runs, e: () => app.state.model && catalogue(), "?": keys,
     p: () => document.querySelector("#rig .pointer")?.focus(), c: () => { tab("future"); document.querySelector("#candidates .candidate")?.focus(); }, s: () => { tab("hands"); document.querySelector("#parameters input[type=range]")?.focus(); },
-    Escape: () => app.state.job && act("/api/cancel"),
+    x: mark, t: oneChart, ",": () => marks.shift(-shift()), ".": () => marks.shift(shift()),
+    Escape: () => (app.state.job ? act("/api/cancel") : marks.clear()),
   }[event.key];
   if (!does) return;
   event.preventDefault();

@@ -1,13 +1,13 @@
 // A chart as a picture: what it shows, in the unit that it shows, with a title, a legend and the residual below.
 
-import { digits, svg } from "/assets/dom.js";
+import { svg } from "/assets/dom.js";
 
 const [WIDTH, LEFT, RIGHT] = [900, 66, 884];
 const PANES = [{ top: 52, bottom: 272 }, { top: 290, bottom: 390 }];
 const HEIGHT = 424;
 
 // Round values across a range.
-function ticks(low, high, most) {
+export function ticks(low, high, most) {
   const raw = (high - low) / most;
   const power = 10 ** Math.floor(Math.log10(raw));
   const step = [1, 2, 5, 10].find((s) => s * power >= 0.999 * raw) * power;

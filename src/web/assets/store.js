@@ -18,6 +18,8 @@ export const app = {
   free: new Set(),
   bounds: {},
   without: new Set(),
+  // something is being dragged: scales stand still
+  drags: false,
   // what followed while another parameter was dragged
   followed: new Map(),
   // this page itself opens another run
@@ -50,6 +52,7 @@ export async function renew() {
     app.hold.clear();
     app.free.clear();
     app.without.clear();
+    app.drags = false;
     app.followed.clear();
     app.preview = null;
     app.compare = null;

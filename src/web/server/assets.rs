@@ -23,8 +23,9 @@ const HTML: &str = "text/html; charset=utf-8";
 
 const PAGE: &[Asset] = &page![
     HTML "index.html", CSS "workbench.css", CSS "newrig.css", JS "main.js", JS "api.js", JS "arrive.js", JS "charts.js", JS "commands.js", JS "compare.js",
-    JS "dom.js", JS "drawing.js", JS "drift.js", JS "future.js", JS "hands.js", JS "newrig.js", JS "past.js", JS "picture.js", JS "place.js", JS "record.js", JS "rig.js", JS "runs.js",
-    JS "sidebyside.js", JS "store.js", JS "take.js", JS "touch.js",
+    JS "dom.js", JS "drawing.js", JS "drift.js", JS "folds.js", JS "future.js", JS "hands.js", JS "heights.js", JS "known.js", JS "live.js", JS "marks.js",
+    JS "newrig.js", JS "panel.js", JS "past.js", JS "picture.js", JS "place.js", JS "plot.js", JS "record.js", JS "rig.js", JS "runs.js",
+    JS "sidebyside.js", JS "slider.js", JS "store.js", JS "take.js", JS "together.js", JS "touch.js",
 ];
 
 const CHARTS: [Asset; 2] = [

@@ -75,6 +75,8 @@ pub fn router(session: Arc<Session>, guard: Arc<Guard>, more: Router<Arc<App>>) 
         .route("/api/fit", post(|app, body| act(app, body, Action::Fit)))
         .route("/api/add", post(|app, body| act(app, body, |a: Addition| Action::Add(a.effect, a.set))))
         .route("/api/remove", post(|app, body| act(app, body, |e: OneEffect| Action::Remove(e.effect))))
+        .route("/api/profile", post(|app, body| act(app, body, |p: OneParameter| Action::Profile(p.parameter, p.run))))
+        .route("/api/known", get(known))
         .route("/api/undo", post(|app, body| act(app, body, |Nothing {}| Action::Undo)))
         .route("/api/redo", post(|app, body| act(app, body, |Nothing {}| Action::Redo)))
         .route("/api/force", post(|app, body| act(app, body, |m: OneModel| Action::Force(m.model))))
@@ -115,6 +117,14 @@ struct Addition {
 #[serde(deny_unknown_fields)]
 struct OneEffect {
     effect: String,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct OneParameter {
+    parameter: String,
+    #[serde(default)]
+    run: Option<String>,
 }
 
 #[derive(Deserialize)]
@@ -317,6 +327,15 @@ async fn simulation(State(app): State<Arc<App>>, headers: HeaderMap, body: Bytes
         let simulation = simulate(&*bench_of(session)?, &question)?;
         let wants_bytes = headers.get(ACCEPT).is_some_and(|kind| kind == "application/octet-stream");
         Ok(if wants_bytes { binary(simulation.packed()) } else { of_json(&json!(simulation)) })
+    })
+    .await
+}
+
+async fn known(State(app): State<Arc<App>>, uri: Uri) -> Answer {
+    calm(move || {
+        let asked = asked(&uri);
+        let name = asked.get("parameter").ok_or("name a parameter: parameter=wave_speed_m_s")?;
+        Ok(of_json(&model::known(&*bench_of(&app.session)?, name, asked.get("run").map(String::as_str))?))
     })
     .await
 }

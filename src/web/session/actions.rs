@@ -7,7 +7,9 @@ use std::sync::Arc;
 use serde::Deserialize;
 
 use crate::diagnose::Diagnosis;
+use crate::fit::outcome::fit::{Fit, FittedParameter};
 use crate::fit::search::options::Options;
+use crate::fit::validate::profile::profiles;
 use crate::model::constraint::Given;
 use crate::model::effects::{Chosen, parse_list};
 use crate::results::model_file::Entry;
@@ -46,6 +48,8 @@ pub enum Action {
     Remove(String),
     /// Fit the model again.
     Fit(Wishes),
+    /// Find out how far a parameter may move before the fit is worse than noise explains; of one run where it is named.
+    Profile(String, Option<String>),
     /// To the model that this one grew out of.
     Undo,
     /// To the last model that grew out of this one.
@@ -62,6 +66,7 @@ impl Action {
             Action::Add(effect, _) => format!("adding {effect}"),
             Action::Remove(effect) => format!("removing {effect}"),
             Action::Fit(_) => "fitting".into(),
+            Action::Profile(name, _) => format!("profiling {name}"),
             Action::Undo => "undoing".into(),
             Action::Redo => "redoing".into(),
             Action::Force(number) => format!("going to model {number}"),
@@ -78,10 +83,8 @@ impl Bench {
         match action {
             Action::Diagnose => return self.diagnose().map(Some),
             Action::Add(effect, set) => self.add(effect, set)?,
-            Action::Remove(effect) => {
-                let fit = self.study.without(&*self.fit_in_force()?, effect)?;
-                self.append(self.study.or_from_signals(fit)?, &format!("{effect} taken out"), None)?;
-            }
+            Action::Remove(effect) => self.take_out(effect)?,
+            Action::Profile(name, run) => self.walk(name, run.as_deref())?,
             Action::Fit(wishes) => {
                 self.fit_in_force()?;
                 let entry = wished(self.file().current().clone(), wishes)?;
@@ -117,6 +120,31 @@ impl Bench {
         Ok(found)
     }
 
+    /// Goes back to the model that was before an effect came, with its diagnosis; where there is none, what is left is fitted anew.
+    fn take_out(&self, effect: &str) -> Result<(), AnyError> {
+        let fit = self.fit_in_force()?;
+        if let Some(number) = self.file().before(effect) {
+            return self.put_in_force(|file| {
+                file.in_force = number;
+                Ok(())
+            });
+        }
+        let fit = self.study.without(&fit, effect)?;
+        self.append(self.study.or_from_signals(fit)?, &format!("{effect} taken out"), None)
+    }
+
+    fn walk(&self, name: &str, run: Option<&str>) -> Result<(), AnyError> {
+        let fit = self.fit_in_force()?;
+        let j = index_of(&fit, name, run)?;
+        if fit.parameters[j].held {
+            return Err(format!("{name} is held, so it has no profile: let it go and fit again first").into());
+        }
+        let study = &self.study;
+        let found = profiles(study.rig(), study.runs(), &fit, &[j], &options_of(&fit), study.watcher())?;
+        found.of_each.into_iter().for_each(|profile| self.keep_profile(j, profile));
+        Ok(())
+    }
+
     fn add(&self, effect: &str, set: &BTreeMap<String, f64>) -> Result<(), AnyError> {
         let mut named = parse_list(effect)?;
         let Some(chosen) = named.pop().filter(|_| named.is_empty()) else { return self.add_pair(effect) };
@@ -146,6 +174,17 @@ impl Bench {
         let (found, fit) = answer.ok_or("name one effect, or the two that the diagnosis found together")?;
         self.append(fit, &found.reason(), Some(found.answer_evidence()))
     }
+}
+
+/// The number of a parameter in a fit; of one that each run has of its own, the first run's where no run is named.
+///
+/// # Errors
+/// A name that the model does not have, a run that does not have it.
+pub fn index_of(fit: &Fit, name: &str, run: Option<&str>) -> Result<usize, AnyError> {
+    fit.parameter(name)?;
+    let is_it = |p: &FittedParameter| p.name == name && (run.is_none() || p.run.as_deref() == run);
+    let found = fit.parameters.iter().position(is_it);
+    found.ok_or_else(|| format!("{name} is no parameter of the run '{}'", run.unwrap_or_default()).into())
 }
 
 /// Values that a person gave, each for all runs.

@@ -13,6 +13,7 @@ use serde_json::Value as Json;
 
 use crate::diagnose::Diagnosis;
 use crate::fit::outcome::fit::{Fit, FittedParameter};
+use crate::fit::outcome::profile::Profile;
 use crate::fit::progress::Passing;
 use crate::fit::search::options::Options;
 use crate::model::constraint::Given;
@@ -71,10 +72,19 @@ struct Models {
     file: ModelFile,
     /// Fits by the number of their model.
     fits: BTreeMap<usize, Arc<Fit>>,
+    /// Profiles by the number of their model and that of their parameter in its fit.
+    profiles: BTreeMap<(usize, usize), Arc<Profile>>,
     /// The latest diagnoses by the number of their model, oldest first.
     diagnoses: Vec<(usize, Arc<Diagnosis>)>,
     /// The text of a file that another program wrote and that holds no models; it is complained of once.
     rejected: Option<String>,
+}
+
+impl Models {
+    /// Of a file, of which nothing has been computed yet.
+    fn of(file: ModelFile) -> Models {
+        Models { file, fits: BTreeMap::new(), profiles: BTreeMap::new(), diagnoses: Vec::new(), rejected: None }
+    }
 }
 
 /// What a simulation follows from: effects, values (as bits) and grid.
@@ -101,7 +111,7 @@ impl Bench {
         let noise_m = (square / samples.max(1) as f64).sqrt();
         let heard = jobs.clone();
         study.on_progress(move |progress| heard.hear(progress));
-        let models = Mutex::new(Models { file, fits: BTreeMap::new(), diagnoses: Vec::new(), rejected: None });
+        let models = Mutex::new(Models::of(file));
         let commands = commands(&paths, &model_path);
         let (simulations, shown) = (Mutex::default(), Mutex::default());
         Ok(Bench { paths, files, study, noise_m, whole, model_path, commands, jobs, models, simulations, shown })
@@ -240,12 +250,12 @@ impl Bench {
         change(&mut file)?;
         let expected = file.models.len();
         save(&mut file, &self.model_path)?;
-        if file.models.len() != expected {
+        if file.models.len() == expected {
+            models.file = file;
+        } else {
             // another program has added models: numbers have moved
-            models.fits.clear();
-            models.diagnoses.clear();
+            *models = Models::of(file);
         }
-        models.file = file;
         Ok(())
     }
 
@@ -258,6 +268,19 @@ impl Bench {
         if models.diagnoses.len() > DIAGNOSES {
             models.diagnoses.remove(0);
         }
+    }
+
+    /// Keeps the profile of a parameter of the model in force.
+    pub fn keep_profile(&self, parameter: usize, profile: Profile) {
+        let mut models = self.models();
+        let number = models.file.in_force;
+        models.profiles.insert((number, parameter), Arc::new(profile));
+    }
+
+    /// The profile of a parameter of the model in force, where it was asked for.
+    pub fn profile(&self, parameter: usize) -> Option<Arc<Profile>> {
+        let models = self.models();
+        models.profiles.get(&(models.file.in_force, parameter)).cloned()
     }
 
     /// Whether the recordings and the model file are what was read.
@@ -283,10 +306,7 @@ impl Bench {
         {
             let mut models = self.models();
             models.rejected = text.filter(|_| loaded.is_err());
-            let file = loaded?;
-            models.fits.clear();
-            models.diagnoses.clear();
-            models.file = file;
+            *models = Models::of(loaded?);
         }
         self.fit_in_force()?;
         Ok(())

@@ -19,6 +19,7 @@ use crate::record::session::live_test::{Options, live_devices, record};
 use crate::record::session::output::Summary;
 use crate::record::session::shots::{Plan, stem};
 use crate::record::session::trigger::{Condition, Settings};
+use crate::report::view::panel::OwnUnit;
 use crate::rig::{Rig, SensorKind};
 use crate::shown::Shown as _;
 #[cfg(unix)]
@@ -92,6 +93,8 @@ struct State {
     /// Where the recording stands, and how often that was reported.
     live: Option<Arc<Snapshot>>,
     told: u64,
+    /// The rig, and how its pressure sensors show a head.
+    rig: Value,
     /// How the last one ended.
     ended: Option<Value>,
 }
@@ -109,9 +112,9 @@ impl Recorder {
     /// Where the recording stands, or how the last one ended.
     pub fn json(&self) -> Value {
         let state = self.lock();
-        let (running, last, ended) = (state.running, state.live.clone(), state.ended.clone());
+        let (running, last, rig, ended) = (state.running, state.live.clone(), state.rig.clone(), state.ended.clone());
         drop(state);
-        json!({ "running": running, "live": last.as_deref().map(live), "ended": ended })
+        json!({ "running": running, "live": last.as_deref().map(live), "rig": rig, "ended": ended })
     }
 
     /// Where the recording stands, unless the listener has heard `told` reports already; with the number of reports. The caller puts it
@@ -154,7 +157,7 @@ impl Recorder {
                 return Err("a recording is running: stop it first".into());
             }
             let (growing, told) = (Some(options.file.clone()), state.told);
-            *state = State { running: true, growing, told, ..State::default() };
+            *state = State { running: true, growing, told, rig: heads(rig), ..State::default() };
         }
         self.stop.store(false, Ordering::Relaxed);
         let (recorder, hub) = (self.clone(), hub.clone());
@@ -185,6 +188,17 @@ impl Recorder {
         std::thread::Builder::new().name("recording".into()).spawn(work)?;
         Ok(())
     }
+}
+
+/// A rig's name, and of each pressure sensor what turns its values into heads, in water as the rig file has it.
+fn heads(rig: &Rig) -> Value {
+    let pressures = rig.sensors.iter().filter(|sensor| sensor.kind == SensorKind::Pressure);
+    let of_sensor = |sensor: &crate::rig::Sensor| {
+        let unit = OwnUnit::of(rig, &sensor.name, rig.fluid.temperature_degc);
+        let (per_m, zero) = unit.map_or((1.0, 0.0), |unit| (unit.per_m, unit.zero));
+        (sensor.name.clone(), json!({ "symbol": sensor.unit.symbol, "per_m": per_m, "zero": zero }))
+    };
+    json!({ "name": rig.name, "heads": pressures.map(of_sensor).collect::<serde_json::Map<_, _>>() })
 }
 
 /// A recording that is ready to run.

@@ -3,13 +3,17 @@
 use serde_json::{Value, json};
 
 use crate::diagnose::residual_patterns::{by_cycle, residual_patterns};
+use crate::fit::numeric::quantiles::Z_95;
 use crate::fit::outcome::fit::{Fit, FittedParameter};
 use crate::fit::outcome::uncertainty::Uncertainty;
 use crate::results::fit_record::Parameter;
 use crate::results::model_file::Entry;
 use crate::web::session::Session;
+use crate::web::session::actions::index_of;
 use crate::web::session::bench::Bench;
 use crate::web::session::jobs::Busy;
+
+type AnyError = Box<dyn std::error::Error + Send + Sync>;
 
 /// Two parameters that are correlated more than this move together.
 const TOGETHER: f64 = 0.98;
@@ -39,7 +43,7 @@ pub fn json(bench: &Bench) -> Option<Value> {
 ///
 /// # Errors
 /// Nothing is open.
-pub fn all(session: &Session) -> Result<Value, Box<dyn std::error::Error + Send + Sync>> {
+pub fn all(session: &Session) -> Result<Value, AnyError> {
     let bench = session.bench().ok_or(Busy::Nothing)?;
     let of =
         |(i, model): (usize, &Entry)| json!({ "number": i + 1, "name": model.name, "parameters": model.parameters });
@@ -81,6 +85,40 @@ fn advice(fit: &Fit, j: usize, p: &FittedParameter, of_effect: bool) -> Option<S
         "moves together with {}: hold one of them, or add a run that tells them apart",
         fit.parameters[other].name
     ))
+}
+
+/// How well the fit knows a parameter: its interval, what it trades with, strongest first, and its profile where that was asked for.
+///
+/// # Errors
+/// No model yet, a parameter that it does not have.
+pub fn known(bench: &Bench, name: &str, run: Option<&str>) -> Result<Value, AnyError> {
+    let fit = bench.fit().ok_or("the model is still being fitted")?;
+    let j = index_of(&fit, name, run)?;
+    // a fit that ended at no optimum has none
+    let correlations = fit.correlation.get(j).into_iter().flatten();
+    let others = fit.parameters.iter().zip(correlations).enumerate();
+    let mut trades: Vec<(f64, Value)> = others
+        .filter(|(i, (_, r))| *i != j && r.is_finite())
+        .map(|(_, (p, &r))| {
+            let about = json!({
+                "name": p.name, "run": p.run, "unit": p.unit, "correlation": r, "value": p.value,
+                "standard_error": p.known_error(),
+            });
+            (r.abs(), about)
+        })
+        .collect();
+    trades.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let profile = bench.profile(j).map(|p| {
+        json!({
+            "points": p.points, "interval_95": [p.interval_95.0, p.interval_95.1], "linear_95": [p.linear_95.0, p.linear_95.1],
+            "threshold": Z_95 * Z_95, "best": p.best, "fell_by": p.fell_by, "unknown_beyond": p.unknown_beyond,
+            "unresolved": p.unresolved, "disagrees": p.disagrees(),
+        })
+    });
+    Ok(json!({
+        "model": bench.file().in_force, "parameter": Parameter::from(&fit.parameters[j]),
+        "trades_with": trades.into_iter().map(|(_, about)| about).collect::<Vec<_>>(), "profile": profile,
+    }))
 }
 
 fn cycles(fit: &Fit) -> Vec<Value> {

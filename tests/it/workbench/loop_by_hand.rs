@@ -19,6 +19,10 @@ fn in_force(folder: &Path, file: &str) -> Value {
     models["models"][models["in_force"].as_u64().unwrap() as usize - 1].clone()
 }
 
+fn parameter(state: &Value, name: &str) -> Value {
+    state["model"]["parameters"].as_array().unwrap().iter().find(|p| p["name"] == name).unwrap().clone()
+}
+
 fn close(a: &Value, b: &Value, relative: f64) {
     let (a, b) = (a.as_f64().unwrap(), b.as_f64().unwrap());
     assert!((a / b - 1.0).abs() < relative, "{a} is not {b}");
@@ -64,12 +68,126 @@ fn adding_an_effect_is_what_the_command_does() {
     assert!(failed.last().unwrap().1["message"].as_str().unwrap().contains("first model"), "{failed:?}");
     bench.job("/api/redo", &json!({}));
     assert_eq!(bench.state()["model"]["effects"], grown["effects"]);
+}
 
+#[test]
+fn taking_an_effect_out_gives_back_the_model_that_was_with_its_diagnosis() {
+    let folder = folder_with(CREEP);
+    let bench = Workbench::open(folder.path(), &["run.mcap"]);
+    bench.fitted();
+    bench.job("/api/diagnose", &json!({}));
+    let before = bench.state();
+    assert_eq!(before["diagnosis"]["candidates"][0]["effect"], "viscoelastic-wall");
+    bench.job("/api/add", &json!({ "effect": "viscoelastic-wall" }));
+    assert_eq!(bench.state()["diagnosis"], Value::Null, "that one was of another model");
     bench.job("/api/remove", &json!({ "effect": "viscoelastic-wall" }));
-    let removed = bench.state();
-    assert_eq!(removed["model"]["effects"], json!([]));
-    close(&removed["model"]["rmse_m"], &base["rmse_m"], 1e-3);
-    assert_eq!(removed["models"].as_array().unwrap().len(), 3, "nothing is deleted");
+    let after = bench.state();
+    for same in ["model", "diagnosis"] {
+        assert_eq!(after[same], before[same], "{same}");
+    }
+    assert_eq!(after["models"].as_array().unwrap().len(), 2, "nothing is deleted, and nothing is fitted again");
+    assert_eq!(in_force(folder.path(), "run.model.toml")["effects"], json!([]));
+
+    // what was held since stays held: that model was not there before
+    bench.job("/api/redo", &json!({}));
+    bench.job("/api/fit", &json!({ "set": { "wave_speed_m_s": 350.0 }, "hold": ["wave_speed_m_s"] }));
+    bench.job("/api/remove", &json!({ "effect": "viscoelastic-wall" }));
+    let held = bench.state();
+    assert_eq!((&held["model"]["effects"], &held["model"]["number"]), (&json!([]), &json!(4)));
+    let speed = parameter(&held, "wave_speed_m_s");
+    assert_eq!((&speed["value"], &speed["held"]), (&json!(350.0), &json!(true)));
+    let odd = bench.job("/api/remove", &json!({ "effect": "leak" }));
+    assert!(odd.last().unwrap().1["message"].as_str().unwrap().contains("leak"), "{odd:?}");
+    assert_eq!(bench.state()["models"], held["models"]);
+}
+
+#[test]
+fn how_well_a_parameter_is_known_is_what_the_command_says() {
+    let folder = folder_with(CREEP);
+    let effects = ["calibrate", "run.mcap", "--effects", "viscoelastic-wall:1"];
+    done_in(folder.path(), &[&effects[..], &["--save", "run.model.toml"]].concat());
+    let by_command = done_in(folder.path(), &[&effects[..], &["--profile", "tau1_s"]].concat());
+    let bench = Workbench::open(folder.path(), &["run.model.toml"]);
+    let fitted = bench.fitted();
+    let known = |query: &str| -> Value { serde_json::from_slice(&bench.get(&format!("/api/known?{query}"))).unwrap() };
+
+    let at_first = known("parameter=tau1_s");
+    assert_eq!(at_first["profile"], Value::Null, "a profile is made on demand");
+    let trades = at_first["trades_with"].as_array().unwrap();
+    let of = |trade: &Value| trade["correlation"].as_f64().unwrap().abs();
+    assert!(trades.windows(2).all(|pair| of(&pair[0]) >= of(&pair[1])), "strongest first: {trades:?}");
+    let file: toml::Value = toml::from_str(&String::from_utf8(bench.get("/api/fit.toml")).unwrap()).unwrap();
+    let all = file["parameters"].as_array().unwrap();
+    let tau = all.iter().find(|p| p["name"].as_str() == Some("tau1_s")).unwrap();
+    for trade in trades {
+        let j = all.iter().position(|p| p["name"].as_str() == trade["name"].as_str()).unwrap();
+        let there = tau["correlation"][j].as_float().unwrap();
+        assert!((there - trade["correlation"].as_f64().unwrap()).abs() < 1e-9, "{trade} and {there}");
+    }
+    let known_of = |p: &&toml::Value| p.get("standard_error").is_some();
+    assert_eq!(trades.len(), all.iter().filter(known_of).count() - 1, "all that the record determines");
+    let own = by_command["parameters"].as_array().unwrap().iter().find(|p| p["name"] == "tau1_s").unwrap();
+
+    bench.job("/api/profile", &json!({ "parameter": "tau1_s" }));
+    let found = known("parameter=tau1_s")["profile"].clone();
+    let ends = |of: &Value| [0, 1].map(|i| of["interval_95"][i].as_f64().unwrap());
+    let ([low, high], [low_there, high_there]) = (ends(&found), ends(own));
+    // the page fits again from the file's values, and so from elsewhere than the command
+    let within = 0.05 * (high_there - low_there);
+    assert!((low - low_there).abs() < within && (high - high_there).abs() < within, "{found} and {own}");
+    let points = found["points"].as_array().unwrap();
+    let rises: Vec<f64> = points.iter().map(|point| point[1].as_f64().unwrap()).collect();
+    assert!(points.len() >= 3 && rises.iter().all(|&rise| rise > -0.1), "{points:?}");
+    assert!(rises.iter().cloned().fold(f64::MAX, f64::min) < 0.1 && rises[0] > 3.0, "{rises:?}");
+    assert_eq!(bench.state()["model"], fitted["model"], "the model stays as it is");
+    assert_eq!(known("parameter=wave_speed_m_s")["profile"], Value::Null);
+    let offset = known("parameter=closure_start_s&run=run.mcap");
+    assert_eq!(offset["parameter"]["run"], "run.mcap");
+
+    for query in ["parameter=leak_position_m", "parameter=tau1_s&run=other.mcap"] {
+        bench.refused(&format!("/api/known?{query}"));
+    }
+    assert!(bench.refused("/api/known").contains("parameter="));
+    let said = |body: &Value| -> String {
+        let heard = bench.job("/api/profile", body);
+        heard.last().unwrap().1["message"].as_str().unwrap().to_owned()
+    };
+    assert!(said(&json!({ "parameter": "leak_position_m" })).contains("leak_position_m"));
+    bench.post("/api/profile", &json!({}), 400);
+    bench.job("/api/fit", &json!({ "hold": ["wave_speed_m_s"] }));
+    assert!(said(&json!({ "parameter": "wave_speed_m_s" })).contains("held"));
+    assert_eq!(known("parameter=tau1_s")["profile"], Value::Null, "that one was of another model");
+    bench.job("/api/undo", &json!({}));
+    assert_eq!(known("parameter=tau1_s")["profile"], found, "and is still there with it");
+}
+
+#[test]
+fn of_a_fit_at_no_optimum_no_correlation_is_known() {
+    let folder = folder_with(LEAK);
+    let bench = Workbench::open(folder.path(), &["run.mcap"]);
+    bench.fitted();
+    bench.job("/api/add", &json!({ "effect": "leak" }));
+    let state = bench.state();
+    for p in state["model"]["parameters"].as_array().unwrap() {
+        let known = bench.get(&format!("/api/known?parameter={}", p["name"].as_str().unwrap()));
+        let known: Value = serde_json::from_slice(&known).unwrap();
+        let trades = known["trades_with"].as_array().unwrap();
+        let determined = !p["standard_error"].is_null() && p["held"] == false;
+        assert_eq!(trades.is_empty(), !determined, "{p}: {trades:?}");
+    }
+}
+
+#[test]
+fn a_profile_is_cancelled() {
+    let folder = folder_with(CREEP);
+    let bench = Workbench::open(folder.path(), &["run.mcap"]);
+    let before = bench.fitted();
+    let mut events = bench.events();
+    let job = bench.post("/api/profile", &json!({ "parameter": "wave_speed_m_s" }), 202)["job"].clone();
+    bench.post("/api/cancel", &json!({}), 202);
+    let (_, failed) = events.find(|(name, data)| name == "failed" && data["job"] == job).unwrap();
+    assert_eq!(failed["message"], "cancelled");
+    assert_eq!(bench.state(), before);
 }
 
 #[test]
@@ -206,10 +324,7 @@ fn a_parameter_is_moved_held_and_fitted() {
     bench.post("/api/simulate", &json!({ "sett": {} }), 400);
 
     bench.job("/api/fit", &json!({ "set": { "wave_speed_m_s": 320.0 }, "hold": ["wave_speed_m_s"] }));
-    let of = |state: &Value, name: &str| -> Value {
-        state["model"]["parameters"].as_array().unwrap().iter().find(|p| p["name"] == name).unwrap().clone()
-    };
-    let held = of(&bench.state(), "wave_speed_m_s");
+    let held = parameter(&bench.state(), "wave_speed_m_s");
     assert_eq!((&held["value"], &held["held"]), (&json!(320.0), &json!(true)));
     let model = done_in(folder.path(), &["refit", "run.model.toml"]);
     assert!(model["models"][2]["why"].as_str().unwrap().contains("wave_speed_m_s held"));
@@ -217,7 +332,7 @@ fn a_parameter_is_moved_held_and_fitted() {
     bench.until("its fit", |state| state["job"].is_null() && !state["model"].is_null());
     bench.job("/api/fit", &json!({ "free": ["wave_speed_m_s"] }));
     let freed = bench.state();
-    assert_eq!(of(&freed, "wave_speed_m_s")["held"], false);
+    assert_eq!(parameter(&freed, "wave_speed_m_s")["held"], false);
     close(&freed["model"]["rmse_m"], &fitted["model"]["rmse_m"], 1e-4);
     let odd = bench.job("/api/fit", &json!({ "hold": ["no_such_parameter"] }));
     assert!(odd.last().unwrap().1["message"].as_str().unwrap().contains("no_such_parameter"), "{odd:?}");

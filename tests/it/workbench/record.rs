@@ -103,6 +103,13 @@ fn a_simulated_shot_is_recorded_live_and_diagnosed_by_itself() {
     let (_, live) = events.find(|(name, data)| name == "live" && data["samples"].as_u64() > Some(0)).unwrap();
     let sensor = &live["sensors"][0];
     assert!(sensor["trace"].as_array().is_some_and(|trace| !trace.is_empty()) && sensor["level"].is_number(), "{live}");
+    // what turns its values into the heads that the page may show them as: the model's, at the rig file's temperature
+    let (rig, open) = (&bench.state()["recording"]["rig"], &bench.state()["open"]);
+    let own = &rig["heads"][sensor["name"].as_str().unwrap()];
+    let model = &open["runs"][0]["sensors"][0];
+    assert_eq!((&rig["name"], &own["symbol"]), (&open["rig"]["name"], &sensor["unit"]));
+    let per_m = |of: &serde_json::Value| of["per_m"].as_f64().unwrap();
+    assert!((per_m(own) / per_m(&model["unit"]) - 1.0).abs() < 0.01, "{rig} {model}");
     let (_, found) = events.find(|(name, _)| name == "diagnosis").expect("a diagnosis");
     assert!(found["candidates"].as_array().is_some_and(|all| !all.is_empty()), "{found}");
     let state = bench.until("the end", |state| state["job"].is_null());

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use crate::common::{CREEP, here};
 use crate::workbench::client::Workbench;
 
-const GETS: [&str; 16] = [
+const GETS: [&str; 17] = [
     "/",
     "/assets/index.html",
     "/api/state",
@@ -22,15 +22,17 @@ const GETS: [&str; 16] = [
     "/api/disk",
     "/api/glance",
     "/api/history",
+    "/api/known",
     "/api/models",
     "/api/simulation",
     "/api/report",
     "/api/fit.toml",
 ];
-const POSTS: [&str; 13] = [
+const POSTS: [&str; 14] = [
     "/api/simulate",
     "/api/diagnose",
     "/api/fit",
+    "/api/profile",
     "/api/add",
     "/api/remove",
     "/api/undo",

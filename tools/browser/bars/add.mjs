@@ -29,7 +29,7 @@ export async function add(program, folder, browser, times = 10) {
           const line = document.querySelector("#falling polyline");
           errors = Math.max(errors, line ? line.getAttribute("points").split(" ").length : 0);
           // the model that it grew out of is drawn beside it, and was not before
-          const before = document.querySelectorAll(".legend .u-series")[2];
+          const before = document.querySelectorAll(".legend .u-series")[1];
           if (document.querySelectorAll(".model:not(.preview)").length === 2 && before && !before.hidden) done();
         }).observe(document.body, { childList: true, subtree: true, attributes: true }));
         const from = performance.now();

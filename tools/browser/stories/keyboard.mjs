@@ -6,7 +6,7 @@ await story("the keyboard alone ends where the commands end", { files: { "run.mc
   const page = await open();
   await settled(page);
   const focused = () => page.evaluate(() => { const a = document.activeElement; return a.dataset.key || a.id || a.getAttribute("aria-label") || a.textContent; });
-  const to = async (wanted, most = 80) => {
+  const to = async (wanted, most = 120) => {
     for (let i = 0; i < most; i++) {
       const now = await focused();
       if (wanted(now)) return now;

@@ -9,14 +9,14 @@ const rig = new URL("../../../rigs/demo-hdpe.toml", import.meta.url);
 await story("a recorded shot is diagnosed as by `diagnose`", { words: ["rig.toml"], prepare: ({ folder }) => copyFileSync(rig, join(folder, "rig.toml")) }, async ({ command, page: open, state, shot }) => {
   const page = await open();
   await page.click("#show-record");
-  await page.selectOption('#record select[aria-label="What is recorded"]', "simulated");
+  await page.getByLabel("Record from").selectOption("simulated");
   await page.selectOption('#record select[aria-label="Hide an effect in the test"]', "leak");
   await page.click("#record summary");
   const place = page.locator('#record [data-key="set leak_position_m"]');
   await place.fill("40");
-  await page.getByLabel("samples per second").fill("500");
-  await page.getByLabel("times faster than real time").fill("4");
-  await page.getByLabel("duration, s").fill("10");
+  await page.getByLabel("Samples per second").fill("500");
+  await page.getByLabel("Speed times real time").fill("4");
+  await page.getByLabel("Stop after").fill("10");
   await shot(page, "record");
   await page.click("#record >> text=Start");
   await page.waitForFunction(() => !document.querySelector("#live").hidden && /[1-9]\d* samples/.test(document.querySelector("#live-line").textContent));
