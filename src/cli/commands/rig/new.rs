@@ -269,10 +269,27 @@ fn sensors_in_words(rig: &Rig) -> String {
     rig.sensors.iter().map(|s| s.name.as_str()).collect::<Vec<_>>().join(", ")
 }
 
+/// What to give where nothing says where several pressure sensors stand: all are assumed at one place.
+fn unknown_places(sensors: &[DraftSensor]) -> Option<String> {
+    let assumed = || sensors.iter().filter(|s| s.kind == SensorKind::Pressure && !s.position_m.why.is_empty());
+    let first = assumed().find(|s| assumed().filter(|o| o.position_m == s.position_m).count() > 1)?;
+    let names: Vec<&str> = assumed().filter(|o| o.position_m == first.position_m).map(|s| s.name.as_str()).collect();
+    Some(format!(
+        "nothing says where {} are: {}. Give their distances from the supply in m, as in --sensor '{}={}'",
+        names.join(" and "),
+        first.position_m.why.trim_end_matches(": at the valve"),
+        names[0],
+        first.position_m.value
+    ))
+}
+
 /// What the user confirms of what was assumed.
 fn confirmed(draft: &mut Draft, args: &Args, ask: &Ask) -> Result<(), AnyError> {
     let place = PLACE.up_to(draft.length_m);
     ask.units(&mut draft.sensors)?;
+    if let (false, Some(text)) = (ask.asks, unknown_places(&draft.sensors)) {
+        return Err(text.into());
+    }
     ask.confirm(TEMPERATURE.words, &TEMPERATURE, &mut draft.temperature_degc)?;
     ask.confirm(CLOSING_TIME.words, &CLOSING_TIME, &mut draft.closing_time_s)?;
     for sensor in draft.sensors.iter_mut().filter(|s| s.kind == SensorKind::Pressure) {
