@@ -2,6 +2,7 @@
 
 mod align;
 mod csv;
+mod devices;
 mod foreign;
 mod mcap;
 mod tdms;
