@@ -103,7 +103,7 @@ pub fn meant(track: &Track, said: &Said) -> Option<(SensorKind, Option<Told<Unit
     let kind = by_scale
         .or(known.filter(|(_, unit)| unit.is_some()))
         .or_else(by_place)
-        .or_else(|| Some((kind_of_name(&track.short)?, None)))
+        .or_else(|| Some((kind_of_name(called)?, None)))
         .or_else(|| Some((kind_of_numbers(&track.series.value)?, None)).filter(|_| nameless))
         .filter(|_| line.is_some() || !track.unit.as_deref().is_some_and(is_electric));
     kind.filter(|_| track.series.value.len() > 1 && !source.ignore.iter().any(|name| track.is_called(name)))

@@ -248,7 +248,7 @@ fn the_headers_of_loggers_are_understood() {
                  ***End_of_Header***\t\t\t\nX_Value\tP at valve\tP below\tComment\n",
                 |_, t, a, b| format!("{t:.6}\t{a:.6}\t{:.4}\t", 1e3 * b),
             ),
-            "time-unit",
+            "time-column",
         ),
         (
             "hobo.csv",

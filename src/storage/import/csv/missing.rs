@@ -121,10 +121,7 @@ impl Spellings {
 /// comes again to the last digit.
 pub(crate) fn take_sentinels(values: &mut [f64], lines: &[usize], spellings: &mut Spellings) {
     let mut counts: BTreeMap<u64, usize> = BTreeMap::new();
-    let mut sorted: Vec<f64> = values.iter().copied().filter(|v| !v.is_nan()).collect();
-    if sorted.len() < ENOUGH {
-        sorted.retain(|v| v.abs() < ABOVE_ALL);
-    }
+    let mut sorted: Vec<f64> = values.iter().copied().filter(|v| !v.is_nan() && !is_known(*v)).collect();
     sorted.sort_by(f64::total_cmp);
     // The middle nine tenths, in which no few strays count.
     let (Some(low), Some(high)) = (sorted.get(sorted.len() / 20), sorted.get(sorted.len() - 1 - sorted.len() / 20))
@@ -197,6 +194,10 @@ mod tests {
         }
         let (values, said) = column(&[(4, -500.25), (70, -500.25)]);
         assert!(is_missing(values[4]) && is_missing(values[70]) && said.contains("'-500.25' 2 ×"), "{said}");
+        let mut few = [2.8, 2.9, -9999.0, 2.8];
+        let mut spellings = Spellings::default();
+        take_sentinels(&mut few, &[1, 2, 3, 4], &mut spellings);
+        assert!(is_missing(few[2]) && few[3] == 2.8);
         // a peak is a peak, also a high one, and so is a value that comes again near the rest
         assert_eq!(column(&[(4, 123.0)]).1, "");
         assert_eq!(column(&[(4, 9.99), (70, 9.99)]).1, "");

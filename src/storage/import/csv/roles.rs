@@ -5,7 +5,7 @@ use crate::robust::median;
 use crate::storage::error::CsvProblem;
 use crate::storage::import::csv::cell::Cell;
 use crate::storage::import::csv::heading::{
-    heading_unit, is_counter_name, is_known_unit, is_time_name, time_symbol, time_unit, unit_of_name,
+    heading_unit, is_counter_name, is_known_unit, is_time_name, time_unit, unit_of_name,
 };
 use crate::storage::import::csv::layout::{Column, Layout};
 use crate::storage::import::csv::stamp::Stamp;
@@ -209,7 +209,7 @@ impl Finder<'_, '_> {
                 Some((interval_s, said)) => vec![self.counted(interval_s, Some(&host), Some(said), &mut repairs)],
                 None => vec![host],
             }
-        } else if let Some(clock) = self.unstated(&mut repairs) {
+        } else if let Some(clock) = self.unstated() {
             clock
         } else if let Some((interval_s, said)) = self.layout.settings.interval_s() {
             vec![self.counted(interval_s, None, Some(said), &mut repairs)]
@@ -341,7 +341,7 @@ impl Finder<'_, '_> {
     }
 
     /// Named times whose unit stands around the table, or is given by the user.
-    fn unstated(&self, repairs: &mut Vec<Repair>) -> Option<Vec<Clock>> {
+    fn unstated(&self) -> Option<Vec<Clock>> {
         let named: Vec<usize> = self.time_columns();
         let first = *named.first()?;
         // a stated interval is that of the steps in one unit
@@ -352,10 +352,6 @@ impl Finder<'_, '_> {
         };
         let unit_s = self.options.time_unit_s.or_else(|| self.layout.settings.time_unit_s()).or_else(by_interval)?;
         let form = if unit_s == 86_400.0 { Form::Days } else { Form::Numbers(unit_s) };
-        if self.options.time_unit_s.is_none() {
-            let text = format!("the times are in '{}', in {}", self.column(named[0]).heading, time_symbol(unit_s));
-            repairs.push(Repair::new("time-unit", 1, None, text));
-        }
         let clock =
             |i: usize| Clock { time: Some(i), form, date: None, fraction: None, values: Vec::new(), host: None };
         Some(named.into_iter().map(clock).collect())
