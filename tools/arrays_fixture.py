@@ -1,5 +1,5 @@
 """Writes tests/fixtures/scipy.mat, h5py.h5 and h5py-v73.mat: 200 samples of two pressures in bar; and scipy-clocks.mat, scipy-scope.mat, h5py-groups.h5 and
-h5py-table.h5, where the second pressure has 100 samples, twice as far apart. Needs scipy and h5py."""
+h5py-table.h5, where the second pressure has 100 samples, twice as far apart; and h5py-runs.h5, two runs. Needs scipy and h5py."""
 
 from pathlib import Path
 
@@ -58,6 +58,14 @@ with h5py.File(FIXTURES / "h5py-groups.h5", "w") as file:
         group.create_dataset("P1" if name == "fast" else "P2", data=pressure).attrs["unit"] = "bar"
     file.create_dataset("camera", data=np.zeros((2, 3, 4), dtype="u1"))
     file.create_dataset("remarks", data=["one", "two"], dtype=h5py.string_dtype())
+
+# Two runs with sensors of one name.
+with h5py.File(FIXTURES / "h5py-runs.h5", "w") as file:
+    for run, factor in [("run 1", 1.0), ("run 2", 2.0)]:
+        group = file.create_group(run)
+        group.create_dataset("time", data=TIME).attrs["unit"] = "s"
+        for name, pressure in zip(["P1", "P2"], PRESSURES):
+            group.create_dataset(name, data=factor * pressure).attrs["unit"] = "bar"
 
 # Tables that are one dataset each, and a dataset that states its rate.
 with h5py.File(FIXTURES / "h5py-table.h5", "w") as file:

@@ -65,7 +65,7 @@ pub(crate) fn tables_of_book(bytes: &[u8]) -> Result<Tables, String> {
     let others = tables.iter().flatten().filter(|sheet| sheet.is_table());
     let left_out = others.map(|sheet| (sheet.name.clone(), "a sheet with another table: save it as CSV".into()));
     let left_out = left_out.collect();
-    Ok(Tables { texts: vec![(table[0].name.clone(), text_of(&table, since_1904))], repairs, left_out })
+    Ok(Tables { texts: vec![(table[0].name.clone(), text_of(&table, since_1904))], repairs, left_out, paths: false })
 }
 
 /// Sheets one below the other as text, the headings once.

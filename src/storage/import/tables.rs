@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use crate::storage::error::LogError;
+use crate::storage::import::arrays::times::short;
 use crate::storage::import::csv;
 use crate::storage::import::source::{Repair, SourceFile, SourceOptions, counted};
 use crate::storage::layout::to_s;
@@ -17,6 +18,8 @@ pub(crate) struct Tables {
     pub repairs: Vec<Repair>,
     /// What is no table that can be read: its name, and why.
     pub left_out: Vec<(String, String)>,
+    /// A `/` in a name stands between that of a group and what is in it.
+    pub paths: bool,
 }
 
 /// The tracks of all tables, on one clock: that of the earliest where they tell the date, else the file's own.
@@ -24,7 +27,7 @@ pub(crate) struct Tables {
 /// # Errors
 /// No table can be read: what is wrong with the first one.
 pub(crate) fn read(tables: Tables, path: &Path, options: &SourceOptions) -> Result<SourceFile, LogError> {
-    let Tables { texts, repairs, mut left_out } = tables;
+    let Tables { texts, repairs, mut left_out, paths } = tables;
     let mut files = Vec::new();
     let mut first_fault = None;
     for (name, text) in texts {
@@ -59,6 +62,12 @@ pub(crate) fn read(tables: Tables, path: &Path, options: &SourceOptions) -> Resu
                 .gaps
                 .iter_mut()
                 .for_each(|gap| (gap.from_s, gap.to_s) = (gap.from_s + late_s, gap.to_s + late_s));
+            // what has one name in several groups is one sensor, until somebody says which
+            if paths && track.short.contains('/') {
+                whole.spare_tracks = true;
+                track.name = std::mem::take(&mut track.short);
+                track.short = short(&track.name).to_owned();
+            }
             whole.tracks.push(track);
         }
         whole.notes.extend(file.notes);

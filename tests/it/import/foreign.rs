@@ -352,6 +352,19 @@ fn arrays_go_by_their_own_times() {
     }
 }
 
+/// Two groups with arrays of the same names are two runs, or two of something: nobody guesses which is which.
+#[test]
+fn groups_of_one_shape_are_not_taken_for_sensors_of_one_run() {
+    let bench = bench();
+    bench.put("runs.h5", std::fs::read("tests/fixtures/h5py-runs.h5").unwrap());
+    bench.refuses(&["runs.h5", "--yes"], &["'run 1/P1' and 'run 2/P1' are both the sensor 'P1'", "--map", "--ignore"]);
+    let second = ["--map", "run 2/P1=P1", "--map", "run 2/P2=P2"];
+    let first = ["--ignore", "run 1/P1", "--ignore", "run 1/P2"];
+    bench.import(0, &[&["runs.h5", "--yes"], &second[..], &first].concat());
+    let recording = bench.recording();
+    assert_eq!((recording.series[0].value[0], recording.series[1].value[0]), (4.0, 5.0));
+}
+
 /// A file without times needs a rate and nothing else.
 #[test]
 fn lines_are_samples_where_there_is_a_rate() {

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use crate::storage::import::arrays::contents::{Array, Contents};
 use crate::storage::import::arrays::times::{
-    self, Belongs, Step, is_time, parent, rises, short, step_of, time_of, unit_of,
+    self, Belongs, Step, is_time, label_of, parent, rises, short, step_of, time_of, unit_of,
 };
 use crate::storage::import::source::Repair;
 use crate::storage::import::tables::Tables;
@@ -95,7 +95,7 @@ pub(crate) fn tables_of_arrays(contents: Contents) -> Result<Tables, String> {
     }
     let columns: Vec<&Array> = tables.iter().flat_map(|t| t.arrays.iter().copied()).collect();
     let texts = tables.iter().map(|t| (t.arrays[0].name.clone(), t.text(&columns, texts))).collect();
-    Ok(Tables { texts, repairs, left_out })
+    Ok(Tables { texts, repairs, left_out, paths: true })
 }
 
 impl Table<'_> {
@@ -120,8 +120,10 @@ impl Table<'_> {
         }
         for array in &self.arrays {
             let is_twice = all.iter().filter(|other| short(&other.name) == short(&array.name)).count() > 1;
-            let name = if is_twice { array.name.as_str() } else { short(&array.name) };
-            let unit = unit_of(array, lone(array), texts);
+            let is_alone = lone(array);
+            let label = label_of(array, texts).filter(|_| is_alone);
+            let name = label.unwrap_or(if is_twice { array.name.as_str() } else { short(&array.name) });
+            let unit = unit_of(array, is_alone, texts);
             for (place, column) in array.columns.iter().enumerate() {
                 let number = if array.columns.len() > 1 { format!(" {}", place + 1) } else { String::new() };
                 headings.push(with_unit(format!("{name}{number}"), unit));
@@ -246,6 +248,11 @@ mod tests {
             let found = tables(vec![array(time, [3, 1], &t), array(name, [3, 1], &p)], &[(text, "psi")]);
             assert!(texts(&found)[0].starts_with(&format!("{}\tP1 (psi)\n", short(time))), "{text}: {found:?}");
         }
+        let named = tables(
+            vec![array("ch(1)/x", [3, 1], &p), array("ch(1)/t", [3, 1], &t)],
+            &[("ch(1)/name", "P1"), ("ch(1)/unit", "bar")],
+        );
+        assert!(texts(&named)[0].starts_with("t\tP1 (bar)\n"), "{named:?}");
         // one unit beside several arrays is nobody's
         let both = vec![array("t", [3, 1], &t), array("P1", [3, 1], &p), array("T1", [3, 1], &p)];
         assert!(texts(&tables(both, &[("unit", "psi")]))[0].starts_with("t\tP1\tT1\n"));

@@ -217,6 +217,13 @@ pub(crate) fn unit_of<'t>(array: &Array, alone: bool, texts: &'t [(String, Strin
     own_unit(&array.name, texts).or_else(|| beside().filter(|_| alone))
 }
 
+/// The name that a structure or a group gives to the one array in it: `name` or `label`.
+pub(crate) fn label_of<'t>(array: &Array, texts: &'t [(String, String)]) -> Option<&'t str> {
+    let around = parent(&array.name);
+    let is_label = |name: &str| !around.is_empty() && parent(name) == around && matches!(short(name), "name" | "label");
+    texts.iter().find(|(name, text)| is_label(name) && !text.trim().is_empty()).map(|(_, text)| text.trim())
+}
+
 /// The heading of an array of times, such that a table's reader knows it for one.
 pub(crate) fn heading(time: &Array, texts: &[(String, String)]) -> String {
     let name = short(&time.name);

@@ -8,17 +8,17 @@ pub(crate) mod channel;
 pub(crate) mod property;
 pub(crate) mod scale;
 pub(crate) mod segment;
+pub(crate) mod times;
 
 use std::collections::BTreeMap;
 
-use crate::storage::import::tdms::channel::{Channel, Timing, Values};
+use crate::storage::import::tdms::channel::{Channel, Values};
 use crate::storage::import::tdms::property::{Properties, Property};
 use crate::storage::import::tdms::scale::scaling;
 use crate::storage::import::tdms::segment::{Reader, names as names_of};
+use crate::storage::import::tdms::times::{Times, is_times, times_of};
 
 use crate::recording::{Gap, Series};
-use crate::storage::import::arrays::times::{rest_of_name, rises, seconds, unit_in_name};
-use crate::storage::import::csv::heading::time_unit;
 use crate::storage::import::gaps::gaps;
 use crate::storage::import::source::{Repair, SourceFile, SourceOptions, Start, Track, counted};
 use crate::storage::layout::{to_ns, to_s};
@@ -87,7 +87,8 @@ pub(crate) fn read(bytes: &[u8], options: &SourceOptions) -> Result<SourceFile, 
         tracks.push(track);
     }
     let start = start_ns.and_then(|ns| u64::try_from(ns).ok()).map(|unix_ns| Start { unix_ns, digit_s: 1e-6 });
-    let others = left_out.into_iter().map(|(path, _)| path).collect();
+    let short = |path: &String| names_of(path).pop().unwrap_or_default();
+    let others = left_out.into_iter().flat_map(|(path, _)| [short(&path), path]).collect();
     Ok(SourceFile { tracks, start, notes, repairs, spare_tracks: true, others })
 }
 
@@ -122,51 +123,19 @@ fn found(
     };
     let names = names_of(&channel.path);
     let (Some(group), Some(short)) = (names.first(), names.get(1)) else { return Ok(Found::Times) };
-    let own = properties.get(&channel.path);
-    let property = |key: &str| own.and_then(|p| p.get(key));
+    let property = |key: &str| properties.get(&channel.path).and_then(|p| p.get(key));
     let chain = [channel.path.clone(), format!("/'{}'", group.replace('\'', "''")), "/".into()];
-    let timing = own.map(Timing::of);
+    let chain: Vec<&Properties> = chain.iter().filter_map(|path| properties.get(path)).collect();
     let mut repairs = Vec::new();
-    let (time_s, start_ns, holes_s) = match timing.filter(|timing| timing.increment_s.is_some()) {
-        Some(last) => evenly(channel, last, raw.len())?,
-        None if times(channel, &names, properties).is_some() => return Ok(Found::Times),
-        None => {
-            let beside = |c: &Channel| {
-                names_of(&c.path).first() == Some(group) && c.path != channel.path && c.values.len() == raw.len()
-            };
-            let mut fitting: Vec<(&Channel, (Vec<f64>, Option<i64>))> = (all.iter().filter(|c| beside(c)))
-                .filter_map(|c| Some((c, times(c, &names_of(&c.path), properties)?)))
-                .collect();
-            // in tables the times stand before what belongs to them
-            let own_place = all.iter().position(|c| c.path == channel.path);
-            let place = |c: &Channel| all.iter().position(|other| other.path == c.path);
-            let before = fitting.iter().rposition(|(c, _)| place(c) < own_place).unwrap_or_default();
-            let is_choice = fitting.windows(2).any(|pair| pair[0].1 != pair[1].1);
-            if is_choice {
-                let text = format!("the times of {} are {}", channel.path, fitting[before].0.path);
-                repairs.push(Repair::guess("times-of", text));
-            }
-            let step = (chain.iter().filter_map(|path| properties.get(path)))
-                .find_map(stated_step)
-                .or_else(|| options.rate_hz.map(|rate_hz| (1.0 / rate_hz, "option `rate`".to_owned())));
-            match (fitting.is_empty(), step) {
-                (false, _) => {
-                    let (times, first) = fitting.swap_remove(before).1;
-                    (times, first, Vec::new())
-                }
-                (true, Some((step_s, by))) => {
-                    let text = format!("{} has a sample every {step_s} s, by {by}", channel.path);
-                    repairs.push(Repair::new("step", 1, None, text));
-                    ((0..raw.len()).map(|i| i as f64 * step_s).collect(), timing.and_then(|t| t.start_ns), Vec::new())
-                }
-                (true, None) if raw.len() < 2 => return Ok(Found::Times),
-                (true, None) => {
-                    return Ok(Found::LeftOut(format!("{} numbers without times", raw.len())));
-                }
-            }
-        }
+    if is_times(channel, properties) {
+        return Ok(Found::Times);
+    }
+    let Some(Times { time_s, start_ns, holes_s }) = times_of(channel, all, properties, &chain, options, &mut repairs)?
+    else {
+        let single = raw.len() < 2;
+        return Ok(if single { Found::Times } else { Found::LeftOut(format!("{} numbers without times", raw.len())) });
     };
-    let scaled = chain.iter().filter_map(|path| properties.get(path)).find_map(|p| scaling(p).transpose());
+    let scaled = chain.iter().find_map(|p| scaling(p).transpose());
     let values = match scaled.transpose().map_err(|why| format!("channel {}: {why}", channel.path))? {
         Some(scaling) => scaling.apply(raw),
         None => raw.clone(),
@@ -180,76 +149,18 @@ fn found(
     Ok(Found::Track(Timed { track, start_ns, holes_s }))
 }
 
-/// A step or a rate among properties, such as `Sample Rate`, in s, and where it stands.
-fn stated_step(properties: &Properties) -> Option<(f64, String)> {
-    properties.iter().find_map(|(key, value)| match value {
-        Property::Number(number) => Some((seconds(key, *number, None)?, format!("'{key}'"))),
-        _ => None,
-    })
-}
-
 /// What is left out is lost where it is a series of numbers.
 fn not_read(left_out: &[(String, String)], options: &SourceOptions) -> Option<Repair> {
-    let is_ignored = |path: &String| options.ignore.iter().any(|name| name == path || name == "*");
+    let is_ignored = |path: &String| {
+        let short = names_of(path).pop().unwrap_or_default();
+        options.ignore.iter().any(|name| name == path || *name == short || name == "*")
+    };
     let named = left_out.iter().filter(|(path, _)| !is_ignored(path));
     let named: Vec<String> = named.map(|(path, why)| format!("{path} ({why})")).collect();
     let lost = left_out.iter().any(|(path, why)| !is_ignored(path) && why.contains("numbers"));
     let hint = if lost { "; give their rate with option `rate`, or leave them out with option `ignore`" } else { "" };
     let text = format!("not read: {}{hint}", listed(&named));
     (!named.is_empty()).then(|| Repair { lost, ..Repair::new("not-read", named.len(), None, text) })
-}
-
-/// Times of a channel, s from its own start, that start, and the last time before each hole between its stretches.
-type Times = (Vec<f64>, Option<i64>, Vec<f64>);
-
-/// Those of a channel of even steps.
-fn evenly(channel: &Channel, last: Timing, count: usize) -> Result<Times, String> {
-    // properties behind the last value, or twice between two values, begin no stretch
-    let mut stretches: Vec<(usize, Timing)> = channel.earlier.iter().copied().filter(|(to, _)| *to < count).collect();
-    stretches.dedup_by_key(|(to, _)| *to);
-    stretches.push((count, last));
-    let start_ns = stretches[0].1.start_ns;
-    let (mut time_s, mut holes_s) = (Vec::with_capacity(count), Vec::new());
-    for (index, (to, timing)) in stretches.into_iter().enumerate() {
-        let from = time_s.len();
-        let step_s = timing.increment_s.filter(|_| index == 0 || (timing.start_ns.is_some() && start_ns.is_some()));
-        let step_s = step_s.ok_or_else(|| {
-            format!(
-                "channel {}: its wf_increment changes at value {from}, and no wf_start_time gives the time of that value",
-                channel.path
-            )
-        })?;
-        let late_s = timing.start_ns.zip(start_ns).map_or(0.0, |(own, first)| to_s(own.saturating_sub(first)));
-        let begins_s = late_s + timing.offset_s;
-        holes_s.extend(time_s.last().copied().filter(|before| begins_s - before > 1.5 * step_s));
-        time_s.extend((0..to.saturating_sub(from)).map(|i| begins_s + i as f64 * step_s));
-    }
-    Ok((time_s, start_ns, holes_s))
-}
-
-/// The times that a channel beside gives: timestamps, or numbers under a name such as `time_s` or `Time`.
-fn times(
-    channel: &Channel,
-    names: &[String],
-    properties: &BTreeMap<String, Properties>,
-) -> Option<(Vec<f64>, Option<i64>)> {
-    match &channel.values {
-        Values::Times(ns) => {
-            let first = *ns.first()?;
-            Some((ns.iter().map(|t| to_s(t.saturating_sub(first))).collect(), Some(first)))
-        }
-        Values::Numbers(values) => {
-            let name = names.get(1)?;
-            rest_of_name(name).filter(|rest| rest.is_empty() || rises(values))?;
-            let said = match properties.get(&channel.path).and_then(|p| p.get("unit_string")) {
-                Some(Property::Text(unit)) => time_unit(unit),
-                _ => None,
-            };
-            let unit_s = said.or_else(|| time_unit(unit_in_name(name)?)).unwrap_or(1.0);
-            Some((values.iter().map(|t| t * unit_s).collect(), None))
-        }
-        Values::Other(_) => None,
-    }
 }
 
 /// The samples that are numbers, with reported gaps for those that are not; times must increase.
