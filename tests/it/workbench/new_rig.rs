@@ -25,7 +25,7 @@ fn with_logger() -> tempfile::TempDir {
 /// The answers that make a rig of the shipped table, some of them changed.
 fn answers(changed: &Value) -> Value {
     let mut form = json!({
-        "material": "copper", "length": "100", "size": "22x1.5", "temperature": "18", "times": { "time_unit": "ms" }, "name": "rig",
+        "material": "copper", "length": "100", "size": "22x1.5", "temperature": "18", "reading": { "time_unit": "ms" }, "name": "rig",
     });
     form.as_object_mut().unwrap().extend(changed.as_object().unwrap().clone());
     form
@@ -129,8 +129,8 @@ fn what_is_wrong_or_missing_is_said_beside_its_field_and_nothing_is_written() {
         (json!({ "temperature": "200" }), "temperature", "wrong", "from 0 to 100"),
         (json!({ "closing_time": "soon" }), "closing_time", "wrong", "soon"),
         (json!({ "flow": "0.25 L/s" }), "flow", "wrong", "flow already"),
-        (json!({ "times": {} }), "time_unit", "open", "in ms"),
-        (json!({ "times": { "time_unit": "weeks" } }), "time_unit", "wrong", "must be s, ms"),
+        (json!({ "reading": {} }), "time_unit", "open", "in ms"),
+        (json!({ "reading": { "time_unit": "weeks" } }), "time_unit", "wrong", "must be s, ms"),
         (column(&valve, "place", "101"), "columns.0.place", "wrong", "from 0 to 100 m"),
         (column(&valve, "unit", "L/s"), "columns.0.unit", "wrong", "no unit of a pressure"),
         (column(&valve, "unit", "1..5 -> 0..10"), "columns.0.unit", "wrong", "unit of the result"),
@@ -147,7 +147,7 @@ fn what_is_wrong_or_missing_is_said_beside_its_field_and_nothing_is_written() {
         assert!(why.contains("nothing was written") && why.contains(words), "{changed}: {refused}");
     }
     // a unit that nobody states is asked for, with what speaks for which
-    let bare = answers(&json!({ "times": {} }));
+    let bare = answers(&json!({ "reading": {} }));
     let looked = asked(&bench, "bare.csv", &bare);
     let (weight, says) = remark(&looked, "columns.0.unit").unwrap();
     assert!(weight == "open" && says.contains("no unit is stated"), "{looked}");
@@ -177,19 +177,19 @@ fn a_table_that_was_dropped_is_asked_for_its_rate_and_ranges_and_replaces_nothin
     let dropped = bench.post("/api/import", &json!({ "name": "volts.csv", "content": base64(volts.as_bytes()) }), 200);
     assert_eq!(dropped, json!({ "needs_rig": "volts.csv" }));
     // what an error of the library names by an option, the page names by its field
-    let unread = asked(&bench, "volts.csv", &answers(&json!({ "times": {} })));
+    let unread = asked(&bench, "volts.csv", &answers(&json!({ "reading": {} })));
     let (_, says) = remark(&unread, "file").unwrap();
     assert!(says.contains("the field “samples per second”") && says.starts_with("volts.csv"), "{says}");
     assert_eq!(remark(&unread, "rate").unwrap().0, "open");
-    let rated = json!({ "times": { "rate": "1000" } });
+    let rated = json!({ "reading": { "rate": "1000" } });
     let looked = asked(&bench, "volts.csv", &answers(&rated));
     assert_eq!(remark(&looked, "columns").unwrap().0, "open", "{looked}");
     let name = looked["columns"][0]["name"].clone();
-    let pressure = json!({ "times": { "rate": "1000" }, "flow": "11.15 L/min", "columns": [{ "column": name, "is": "pressure" }] });
+    let pressure = json!({ "reading": { "rate": "1000" }, "flow": "11.15 L/min", "columns": [{ "column": name, "is": "pressure" }] });
     let looked = asked(&bench, "volts.csv", &answers(&pressure));
     let (weight, says) = remark(&looked, "columns.0.unit").unwrap();
     assert!(weight == "open" && says.contains("'V'"), "volts are no pressure by themselves: {looked}");
-    let ranged = json!({ "times": { "rate": "1000" }, "flow": "11.15 L/min",
+    let ranged = json!({ "reading": { "rate": "1000" }, "flow": "11.15 L/min",
         "columns": [{ "column": name, "is": "pressure", "unit": "1..5 -> 0..20 bar", "place": "100" }] });
     let written = accepted(&bench, "volts.csv", &answers(&ranged), 200);
     assert_eq!(written["written"], json!(["rig-2.toml", "volts-2.mcap"]));
