@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use crate::common::here;
+use crate::common::{LEAK, here};
 use crate::workbench::client::{Workbench, base64, done_in};
 
 const LOGGER: &str = "recordings/logger.csv";
@@ -202,4 +202,37 @@ fn a_table_that_was_dropped_is_asked_for_its_rate_and_ranges_and_replaces_nothin
     // 11.15 L/min in 19 mm
     let velocity = seen["steady_velocity_m_s"]["value"].as_f64().unwrap();
     assert!((velocity - 0.6554).abs() < 1e-3, "{velocity}");
+}
+
+/// What a file leaves open is a field of the page, and what is written there counts.
+#[test]
+fn the_order_of_day_and_month_of_a_dropped_table_is_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::copy(here(LEAK), folder.path().join("run.mcap")).unwrap();
+    done_in(folder.path(), &["export", "run.mcap", "-o", "plain.csv"]);
+    let plain = std::fs::read_to_string(folder.path().join("plain.csv")).unwrap();
+    let mut lines = plain.lines().filter(|line| !line.starts_with('#'));
+    let mut table = lines.next().unwrap().replace("time_s", "time") + "\n";
+    for line in lines {
+        let (time_s, rest) = line.split_once(',').unwrap();
+        let time_s = time_s.parse::<f64>().unwrap() + 10.0;
+        table += &format!("03/04/2026 10:{:02}:{:09.6},{rest}\n", (time_s / 60.0) as u32, time_s % 60.0);
+    }
+    let bench = Workbench::open(folder.path(), &["run.mcap"]);
+    bench.fitted();
+    let content = base64(table.as_bytes());
+    let dropped = |reading: Value, accept: bool| json!({ "name": "dated.csv", "content": content, "reading": reading, "accept": accept });
+    let looked = bench.post("/api/import", &dropped(json!({}), false), 200);
+    let (weight, says) = remark(&looked, "date_order").unwrap();
+    assert!(weight == "open" && says.contains("03/04/2026"), "{looked}");
+    assert!(!looked.to_string().contains("option `"), "{looked}");
+    let answered = bench.post("/api/import", &dropped(json!({ "date_order": "mdy" }), false), 200);
+    assert!(remark(&answered, "date_order").is_none(), "{answered}");
+    let wrong = bench.post("/api/import", &dropped(json!({ "date_order": "ymd" }), true), 400);
+    assert!(wrong["error"].as_str().unwrap().contains("day or month first"), "{wrong}");
+    assert!(!folder.path().join("dated.mcap").exists());
+    bench.post("/api/import", &dropped(json!({ "date_order": "mdy", "zone": "+01:00" }), true), 200);
+    let state = bench.until("the import", |s| s["open"]["runs"][0]["name"] == "dated.mcap" && !s["model"].is_null());
+    let recorded = state["open"]["runs"][0]["recorded_at"].as_str().unwrap();
+    assert!(recorded.starts_with("2026-03-04T09:00:"), "{recorded}");
 }
