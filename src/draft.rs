@@ -2,8 +2,8 @@
 
 pub mod answers;
 pub mod form;
+pub mod reading;
 pub mod remark;
-pub mod times;
 
 use std::path::Path;
 

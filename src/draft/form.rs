@@ -8,8 +8,8 @@ use crate::draft::answers::{
     Amiss, Answers, CLOSING_TIME, DISCHARGE_HEAD, Drafted, INNER_DIAMETER, LENGTH, Measured, NOT_GIVEN, PLACE,
     TEMPERATURE, WALL, flow, material, supply,
 };
+use crate::draft::reading::Reading;
 use crate::draft::remark::{Remark, Weight, taken};
-use crate::draft::times::Times;
 use crate::draft::{Said, contradictions, has_flow, meant};
 use crate::rig::check::{Level, check};
 use crate::rig::draft::{Draft, Told};
@@ -44,8 +44,8 @@ pub struct Form {
     pub discharge_head: String,
     /// Flow before the closure that was measured by hand, with its unit.
     pub flow: String,
-    /// How the times are read.
-    pub times: Times,
+    /// How the file is read.
+    pub reading: Reading,
     /// The columns of which something is said.
     pub columns: Vec<Column>,
 }
@@ -119,7 +119,7 @@ pub struct Filled {
 }
 
 impl Form {
-    /// The rig that the form makes of a file that was read as its [`times`](Times::reading) say. A rig without a name is `called`.
+    /// The rig that the form makes of a file that was read as its [`reading`](Reading::options) says. A rig without a name is `called`.
     pub fn filled(&self, file: &SourceFile, called: &str) -> Filled {
         let mut remarks = Vec::new();
         let mut columns = self.said(file, &mut remarks);
@@ -129,7 +129,7 @@ impl Form {
             remarks.push(Remark::new(Weight::Wrong, "flow", "a column of the file is the flow already"));
         }
         columns.source.flow = by_hand;
-        remarks.extend(self.times.asked(&file.repairs));
+        remarks.extend(self.reading.asked(&file.repairs));
         let seen = file.tracks.iter().map(|track| match meant(track, &columns) {
             Some((kind, unit)) => Seen { kind: Some(kind), unit: unit.map(|told| told.value), position_m: None },
             None => Seen::default(),
@@ -174,7 +174,7 @@ impl Form {
 
     /// What is said of the columns.
     fn said(&self, file: &SourceFile, remarks: &mut Vec<Remark>) -> Said {
-        let mut said = Said { source: self.times.reading(remarks), ..Said::default() };
+        let mut said = Said { source: self.reading.options(remarks), ..Said::default() };
         for (i, track) in file.tracks.iter().enumerate() {
             let column = self.of_column(&track.name);
             let kind = |text: &str| match SensorKind::ALL.into_iter().find(|kind| kind.name() == text) {

@@ -233,7 +233,7 @@ fn a_table_in_milliamperes_and_latin_1_needs_its_lines_only() {
     let said = must(&folder, &[&new[..], &lines].concat()).1;
     assert!(!said.contains("warning"), "{said}");
     let said = must(&folder, &[&["import", "current.csv", "--rig", "rig.toml", "--yes"], &lines[..]].concat()).1;
-    assert!(said.contains("read as Latin-1") && said.contains("next: surgescope open current.mcap"), "{said}");
+    assert!(said.contains("read as windows-1252") && said.contains("next: surgescope open current.mcap"), "{said}");
 }
 
 #[test]

@@ -4,7 +4,7 @@ import { post } from "/assets/api.js";
 import { at, digits, h, put } from "/assets/dom.js";
 import { app, complain } from "/assets/store.js";
 import { known, runs } from "/assets/runs.js";
-import { TIMES, entry, makeRig } from "/assets/newrig.js";
+import { READING, entry, makeRig } from "/assets/newrig.js";
 
 const base64 = (file) => new Promise((resolve, reject) => {
   const reader = new FileReader();
@@ -32,8 +32,8 @@ export async function arrive(file) {
   let content;
   try { content = await base64(file); } catch (error) { complain(error); return; }
   let [writing, rigOf] = [false, null];
-  // what is written of the times
-  const times = {};
+  // what is written of its text and times
+  const reading = {};
   // what the numbers of a sensor's column stand for, where they are volts, milliamperes or in another unit than the rig's
   const scale = new Map();
   // the column of a sensor, also while the file cannot be understood
@@ -45,7 +45,7 @@ export async function arrive(file) {
     app.opens ||= accept;
     const scales = map.filter(([, sensor]) => scale.get(sensor)).map(([column, sensor]) => [column, scale.get(sensor)]);
     try {
-      const found = await post("/api/import", { name: file.name, content, map, ignore, without, accept, scales, times, rig_of: rigOf });
+      const found = await post("/api/import", { name: file.name, content, map, ignore, without, accept, scales, reading, rig_of: rigOf });
       if (accept) at("runs").close(); else show(found);
     } catch (error) {
       writing = false;
@@ -81,10 +81,10 @@ export async function arrive(file) {
       return [map, found.columns.filter((c) => !taken.has(c)), choices.filter(([, choice]) => !choice.value).map(([sensor]) => sensor)];
     };
     const needed = new Map(found.remarks.map((remark) => [remark.field, remark.says]));
-    const ofTimes = TIMES.filter(([key]) => times[key] || needed.has(key)).map(([key, label, example, choices]) => {
-      const input = entry(times[key] ?? "", example, choices, () => {});
+    const ofReading = READING.filter(([key]) => reading[key] || needed.has(key)).map(([key, label, example, choices]) => {
+      const input = entry(reading[key] ?? "", example, choices, () => {});
       input.dataset.key = key;
-      input.addEventListener("change", () => { times[key] = input.value; look(...said(), false); });
+      input.addEventListener("change", () => { reading[key] = input.value; look(...said(), false); });
       return h("label", {}, `${label} `, input, h("span", { class: "hint", text: ` ${needed.get(key) ?? ""}` }));
     });
     const line = ([sensor, choice]) => {
@@ -100,7 +100,7 @@ export async function arrive(file) {
       h("h3", { text: found.problem ? `${file.name}: which column is which sensor?` : `${file.name}, as understood` }),
       found.problem ? h("p", { class: "advice", text: found.problem }) : null,
       rigs(found),
-      ofTimes, h("table", {}, h("thead", {}, h("tr", {}, ["sensor", "column of the file", "another unit, or from V or mA", "unit", "samples", "first values"].map((text) => h("th", { scope: "col", text })))), h("tbody", {}, choices.map(line))),
+      ofReading, h("table", {}, h("thead", {}, h("tr", {}, ["sensor", "column of the file", "another unit, or from V or mA", "unit", "samples", "first values"].map((text) => h("th", { scope: "col", text })))), h("tbody", {}, choices.map(line))),
       notes.length ? h("ul", {}, notes.map((text) => h("li", { text }))) : null,
       h("p", { class: "buttons" }, h("button", { type: "button", class: "primary", text: "Import", disabled: Boolean(found.problem), onclick: () => look(...said(), true) }), h("button", { type: "button", text: "Do not import", onclick: () => put(box) }), found.as_it_is ? null : h("button", { type: "button", text: "It is of another rig: make one", onclick: () => withoutRig(file, true).catch(complain) }))));
   };

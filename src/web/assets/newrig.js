@@ -22,14 +22,15 @@ const PIPE = [
   ["flow", "Flow before the closure, measured by hand", "0.25 L/s"],
   ["name", "Name of the rig", ""],
 ];
-// What is asked of times, by both forms about a table.
-export const TIMES = [
+// What is asked of a table's text and times, by both forms about one.
+export const READING = [
   ["rate", "samples per second", "1000"],
   ["time_unit", "unit of the times", null, [["", "choose"], ["s", "s"], ["ms", "ms"], ["us", "µs"], ["ns", "ns"], ["min", "min"], ["h", "h"], ["d", "days"]]],
   ["date_order", "day or month first", null, [["", "choose"], ["dmy", "day first"], ["mdy", "month first"]]],
   ["zone", "time zone", "+01:00"],
   ["message_time", "time of a message", null, [["", "choose"], ["log", "when it was logged"], ["publish", "when it was published"]]],
   ["time_field", "field of a message with its time", "header.stamp"],
+  ["encoding", "code page", "cp1250"],
 ];
 const LATER_MS = 250;
 const plain = (value) => String(+value.toPrecision(4)).replace("-", "−");
@@ -74,8 +75,8 @@ function say(key, value) {
   later();
 }
 
-function sayOfTimes(key, value) {
-  answers.times = { ...answers.times, [key]: value };
+function sayOfReading(key, value) {
+  answers.reading = { ...answers.reading, [key]: value };
   later();
 }
 
@@ -132,7 +133,7 @@ function build() {
   fields.clear();
   const box = at("new-rig");
   const of = ([key, label, example, choices]) => field(key, label, entry(answers[key] ?? "", example, choices, (value) => say(key, value)));
-  const ofTimes = ([key, label, example, choices]) => field(key, label, entry(answers.times?.[key] ?? "", example, choices, (value) => sayOfTimes(key, value)));
+  const ofReading = ([key, label, example, choices]) => field(key, label, entry(answers.reading?.[key] ?? "", example, choices, (value) => sayOfReading(key, value)));
   put(box, h("form", { onsubmit: (event) => { event.preventDefault(); make(); } },
     h("div", { class: "heading" }, h("h2", { text: `A rig for ${table}` }), h("p", { class: "hint", text: "Answer what the table cannot say. Nothing is written before you press the button." }),
       app.state.open || app.state.tables.length > 1 || !app.state.tables.includes(table) ? h("button", { type: "button", text: "Back", onclick: () => leave() }) : null),
@@ -140,7 +141,7 @@ function build() {
     h("div", { class: "sides" },
       h("section", { class: "card", "aria-label": "The table" }, h("h3", { text: "The table, as it is understood" }),
         h("p", { class: "remark", id: "remark-file", role: "status", hidden: true }), h("p", { class: "remark", id: "remark-columns", hidden: true }),
-        h("div", { class: "times" }, TIMES.map(ofTimes)),
+        h("div", { class: "times" }, READING.map(ofReading)),
         found.columns.length ? h("table", {}, h("thead", {}, h("tr", {}, ["column", "is", "unit, or ranges from V or mA", "m from the supply"].map((text) => h("th", { scope: "col", text })))), h("tbody", {}, found.columns.map(row))) : null,
         h("ul", { id: "new-rig-understood" })),
       h("section", { class: "card", "aria-label": "The pipe" }, h("h3", { text: "The pipe" }), h("datalist", { id: "new-rig-materials" }, found.materials.map((name) => h("option", { value: name }))), PIPE.map(of), h("p", { class: "remark", id: "remark-rig", hidden: true }))),
@@ -165,7 +166,7 @@ function show() {
     input.closest(".field").dataset.weight = said?.weight || "";
   }
   // a question that neither the table nor a person has raised is none
-  TIMES.forEach(([key]) => { fields.get(key).input.closest(".field").hidden = !answers.times?.[key] && !remarks.has(key); });
+  READING.forEach(([key]) => { fields.get(key).input.closest(".field").hidden = !answers.reading?.[key] && !remarks.has(key); });
   found.columns.forEach((column, i) => {
     const [is, unit, place] = ["is", "unit", "place"].map((key) => fields.get(`columns.${i}.${key}`).input);
     const said = answers.columns?.[column.name] || {};

@@ -8,8 +8,8 @@ use base64::prelude::BASE64_STANDARD;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
+use crate::draft::reading::Reading;
 use crate::draft::remark::Weight;
-use crate::draft::times::Times;
 use crate::rig::Rig;
 use crate::rig::check::return_time_s;
 use crate::shown::Shown as _;
@@ -46,9 +46,9 @@ pub struct Dropped {
     /// Samples per second of a column that counts samples.
     #[serde(default)]
     pub rate_hz: Option<f64>,
-    /// What is written of the times.
+    /// What is written of its text and times.
     #[serde(default)]
-    pub times: Times,
+    pub reading: Reading,
     /// Columns with what their numbers stand for: of volts or milliamperes such as `1..5 -> 0..10 bar`, of another unit such as `psi`.
     #[serde(default)]
     pub scales: Vec<(String, String)>,
@@ -93,11 +93,11 @@ pub fn take(dropped: &Dropped, rig: Option<&Rig>, folder: &Path) -> Result<(Valu
     };
     let sensors: Vec<&str> = rig.sensors.iter().map(|sensor| sensor.name.as_str()).collect();
     let mut remarks = Vec::new();
-    let reading = dropped.times.reading(&mut remarks);
+    let reading = dropped.reading.options(&mut remarks);
     let guessing = SourceOptions { rate_hz: reading.rate_hz.or(dropped.rate_hz), ..reading };
     let source = read_source(&path, &guessing);
     if let (Err(error), None) = (&source, &own) {
-        remarks.extend(Times::unread(error));
+        remarks.extend(Reading::unread(error));
     }
     if let (Some(wrong), true) = (remarks.iter().find(|remark| remark.weight == Weight::Wrong), dropped.accept) {
         return Err(format!("{}: {}", wrong.field, wrong.says).into());
@@ -120,7 +120,7 @@ pub fn take(dropped: &Dropped, rig: Option<&Rig>, folder: &Path) -> Result<(Valu
         }
         other => other?,
     };
-    remarks.extend(dropped.times.asked(&imported.repairs));
+    remarks.extend(dropped.reading.asked(&imported.repairs));
     let doubts = inspect(&imported.recording).map_or(Vec::new(), |features| doubts(rig, &features));
     let mut about = json!({
         "rig": rig.name, "remarks": remarks, "as_it_is": own.is_some(), "doubts": doubts, "columns": columns, "sensors": sensors, "needs_rate": needs_rate,

@@ -10,8 +10,8 @@ use serde_json::{Value, json};
 use tempfile::TempDir;
 
 use crate::draft::form::{Filled, Form, Seen};
+use crate::draft::reading::Reading;
 use crate::draft::remark::{Remark, Weight};
-use crate::draft::times::Times;
 use crate::rig::material::MATERIALS;
 use crate::shown::Shown as _;
 use crate::storage::import::{
@@ -101,7 +101,7 @@ impl Tables {
         let stem = name.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let [rig_path, out] = [free(folder, "rig", "toml"), free(folder, &stem, "mcap")];
         let mut remarks = Vec::new();
-        let file = self.read(&path, &asked.form.times.reading(&mut remarks));
+        let file = self.read(&path, &asked.form.reading.options(&mut remarks));
         let mut about = json!({
             "table": asked.table, "folder": std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned()).shown(),
             "name": stem, "writes": [name_of(&rig_path), name_of(&out)], "pipe": null, "columns": [], "understood": [], "guessed": [], "rig": null, "written": null,
@@ -116,7 +116,7 @@ impl Tables {
                     return Err(says.into());
                 }
                 if let Some(error) = error.downcast_ref::<LogError>() {
-                    let asked = Times::unread(error);
+                    let asked = Reading::unread(error);
                     let weight = if asked.is_empty() { Weight::Wrong } else { Weight::Open };
                     remarks.push(Remark::new(weight, "file", says));
                     remarks.extend(asked);

@@ -34,6 +34,7 @@ fn words(option: Named) -> String {
             Some("log") => "the choice “when it was logged”".to_owned(),
             _ => "the field “time of a message”".to_owned(),
         },
+        "encoding" => format!("the field “code page”{value}"),
         "time_field" => format!("the field “field of a message with its time”{value}"),
         "flow" => format!("the field “flow before the closure”{value}"),
         "unit" => format!("the field “unit”{value}"),

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use crate::common::here;
+use crate::common::{LEAK, here};
 use crate::workbench::client::{Workbench, base64, done_in};
 
 const LOGGER: &str = "recordings/logger.csv";
@@ -25,7 +25,7 @@ fn with_logger() -> tempfile::TempDir {
 /// The answers that make a rig of the shipped table, some of them changed.
 fn answers(changed: &Value) -> Value {
     let mut form = json!({
-        "material": "copper", "length": "100", "size": "22x1.5", "temperature": "18", "times": { "time_unit": "ms" }, "name": "rig",
+        "material": "copper", "length": "100", "size": "22x1.5", "temperature": "18", "reading": { "time_unit": "ms" }, "name": "rig",
     });
     form.as_object_mut().unwrap().extend(changed.as_object().unwrap().clone());
     form
@@ -129,8 +129,8 @@ fn what_is_wrong_or_missing_is_said_beside_its_field_and_nothing_is_written() {
         (json!({ "temperature": "200" }), "temperature", "wrong", "from 0 to 100"),
         (json!({ "closing_time": "soon" }), "closing_time", "wrong", "soon"),
         (json!({ "flow": "0.25 L/s" }), "flow", "wrong", "flow already"),
-        (json!({ "times": {} }), "time_unit", "open", "in ms"),
-        (json!({ "times": { "time_unit": "weeks" } }), "time_unit", "wrong", "must be s, ms"),
+        (json!({ "reading": {} }), "time_unit", "open", "in ms"),
+        (json!({ "reading": { "time_unit": "weeks" } }), "time_unit", "wrong", "must be s, ms"),
         (column(&valve, "place", "101"), "columns.0.place", "wrong", "from 0 to 100 m"),
         (column(&valve, "unit", "L/s"), "columns.0.unit", "wrong", "no unit of a pressure"),
         (column(&valve, "unit", "1..5 -> 0..10"), "columns.0.unit", "wrong", "unit of the result"),
@@ -147,7 +147,7 @@ fn what_is_wrong_or_missing_is_said_beside_its_field_and_nothing_is_written() {
         assert!(why.contains("nothing was written") && why.contains(words), "{changed}: {refused}");
     }
     // a unit that nobody states is asked for, with what speaks for which
-    let bare = answers(&json!({ "times": {} }));
+    let bare = answers(&json!({ "reading": {} }));
     let looked = asked(&bench, "bare.csv", &bare);
     let (weight, says) = remark(&looked, "columns.0.unit").unwrap();
     assert!(weight == "open" && says.contains("no unit is stated"), "{looked}");
@@ -177,19 +177,19 @@ fn a_table_that_was_dropped_is_asked_for_its_rate_and_ranges_and_replaces_nothin
     let dropped = bench.post("/api/import", &json!({ "name": "volts.csv", "content": base64(volts.as_bytes()) }), 200);
     assert_eq!(dropped, json!({ "needs_rig": "volts.csv" }));
     // what an error of the library names by an option, the page names by its field
-    let unread = asked(&bench, "volts.csv", &answers(&json!({ "times": {} })));
+    let unread = asked(&bench, "volts.csv", &answers(&json!({ "reading": {} })));
     let (_, says) = remark(&unread, "file").unwrap();
     assert!(says.contains("the field “samples per second”") && says.starts_with("volts.csv"), "{says}");
     assert_eq!(remark(&unread, "rate").unwrap().0, "open");
-    let rated = json!({ "times": { "rate": "1000" } });
+    let rated = json!({ "reading": { "rate": "1000" } });
     let looked = asked(&bench, "volts.csv", &answers(&rated));
     assert_eq!(remark(&looked, "columns").unwrap().0, "open", "{looked}");
     let name = looked["columns"][0]["name"].clone();
-    let pressure = json!({ "times": { "rate": "1000" }, "flow": "11.15 L/min", "columns": [{ "column": name, "is": "pressure" }] });
+    let pressure = json!({ "reading": { "rate": "1000" }, "flow": "11.15 L/min", "columns": [{ "column": name, "is": "pressure" }] });
     let looked = asked(&bench, "volts.csv", &answers(&pressure));
     let (weight, says) = remark(&looked, "columns.0.unit").unwrap();
     assert!(weight == "open" && says.contains("'V'"), "volts are no pressure by themselves: {looked}");
-    let ranged = json!({ "times": { "rate": "1000" }, "flow": "11.15 L/min",
+    let ranged = json!({ "reading": { "rate": "1000" }, "flow": "11.15 L/min",
         "columns": [{ "column": name, "is": "pressure", "unit": "1..5 -> 0..20 bar", "place": "100" }] });
     let written = accepted(&bench, "volts.csv", &answers(&ranged), 200);
     assert_eq!(written["written"], json!(["rig-2.toml", "volts-2.mcap"]));
@@ -202,4 +202,37 @@ fn a_table_that_was_dropped_is_asked_for_its_rate_and_ranges_and_replaces_nothin
     // 11.15 L/min in 19 mm
     let velocity = seen["steady_velocity_m_s"]["value"].as_f64().unwrap();
     assert!((velocity - 0.6554).abs() < 1e-3, "{velocity}");
+}
+
+/// What a file leaves open is a field of the page, and what is written there counts.
+#[test]
+fn the_order_of_day_and_month_of_a_dropped_table_is_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::copy(here(LEAK), folder.path().join("run.mcap")).unwrap();
+    done_in(folder.path(), &["export", "run.mcap", "-o", "plain.csv"]);
+    let plain = std::fs::read_to_string(folder.path().join("plain.csv")).unwrap();
+    let mut lines = plain.lines().filter(|line| !line.starts_with('#'));
+    let mut table = lines.next().unwrap().replace("time_s", "time") + "\n";
+    for line in lines {
+        let (time_s, rest) = line.split_once(',').unwrap();
+        let time_s = time_s.parse::<f64>().unwrap() + 10.0;
+        table += &format!("03/04/2026 10:{:02}:{:09.6},{rest}\n", (time_s / 60.0) as u32, time_s % 60.0);
+    }
+    let bench = Workbench::open(folder.path(), &["run.mcap"]);
+    bench.fitted();
+    let content = base64(table.as_bytes());
+    let dropped = |reading: Value, accept: bool| json!({ "name": "dated.csv", "content": content, "reading": reading, "accept": accept });
+    let looked = bench.post("/api/import", &dropped(json!({}), false), 200);
+    let (weight, says) = remark(&looked, "date_order").unwrap();
+    assert!(weight == "open" && says.contains("03/04/2026"), "{looked}");
+    assert!(!looked.to_string().contains("option `"), "{looked}");
+    let answered = bench.post("/api/import", &dropped(json!({ "date_order": "mdy" }), false), 200);
+    assert!(remark(&answered, "date_order").is_none(), "{answered}");
+    let wrong = bench.post("/api/import", &dropped(json!({ "date_order": "ymd" }), true), 400);
+    assert!(wrong["error"].as_str().unwrap().contains("day or month first"), "{wrong}");
+    assert!(!folder.path().join("dated.mcap").exists());
+    bench.post("/api/import", &dropped(json!({ "date_order": "mdy", "zone": "+01:00" }), true), 200);
+    let state = bench.until("the import", |s| s["open"]["runs"][0]["name"] == "dated.mcap" && !s["model"].is_null());
+    let recorded = state["open"]["runs"][0]["recorded_at"].as_str().unwrap();
+    assert!(recorded.starts_with("2026-03-04T09:00:"), "{recorded}");
 }

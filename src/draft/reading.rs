@@ -1,4 +1,4 @@
-//! How the times of a file are to be read: what a person writes, and what to ask where the file does not say it.
+//! How a file is to be read: what a person writes of its text and times, and what to ask where the file does not say it.
 
 use serde::Deserialize;
 
@@ -6,12 +6,12 @@ use crate::draft::answers::RATE;
 use crate::draft::remark::{Remark, Weight, taken};
 use crate::shown::options::named;
 use crate::storage::LogError;
-use crate::storage::import::{MessageTime, Repair, SourceOptions, time_unit, zone_seconds};
+use crate::storage::import::{MessageTime, Repair, SourceOptions, encoding_named, time_unit, zone_seconds};
 
-/// Fields about times; one that was left empty is an empty text.
+/// Fields about the reading of a file; one that was left empty is an empty text.
 #[derive(Debug, Clone, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct Times {
+pub struct Reading {
     /// Samples per second of a file that counts them.
     pub rate: String,
     /// Unit of the times.
@@ -24,14 +24,16 @@ pub struct Times {
     pub message_time: String,
     /// The field of a message with its time.
     pub time_field: String,
+    /// Code page of the text.
+    pub encoding: String,
 }
 
 /// The fields by the names of the library's options.
-const FIELDS: [&str; 6] = ["rate", "time_unit", "date_order", "zone", "message_time", "time_field"];
+const FIELDS: [&str; 7] = ["rate", "time_unit", "date_order", "zone", "message_time", "time_field", "encoding"];
 
-impl Times {
-    /// How a file is read. What else it does not say is guessed, and [`asked`](Times::asked) for.
-    pub fn reading(&self, remarks: &mut Vec<Remark>) -> SourceOptions {
+impl Reading {
+    /// As the readers want it. What else a file does not say is guessed, and [`asked`](Reading::asked) for.
+    pub fn options(&self, remarks: &mut Vec<Remark>) -> SourceOptions {
         let order = |text: &str| match text {
             "dmy" => Ok(true),
             "mdy" => Ok(false),
@@ -55,6 +57,7 @@ impl Times {
             time_unit_s: taken(&self.time_unit, "time_unit", unit, remarks),
             day_first: taken(&self.date_order, "date_order", order, remarks),
             zone_s: taken(&self.zone, "zone", zone, remarks),
+            encoding: taken(&self.encoding, "encoding", encoding_named, remarks),
             message_time: in_a_field
                 .map(|field| MessageTime::Field(field.to_owned()))
                 .or(of_messages)
@@ -65,20 +68,30 @@ impl Times {
 
     /// What to ask of a file that cannot be read: the fields that its error names.
     pub fn unread(error: &LogError) -> Vec<Remark> {
-        let text = error.to_string();
-        let options: Vec<String> = named(&text).iter().map(|option| option.name.replace('-', "_")).collect();
-        let needed = FIELDS.iter().filter(|field| options.iter().any(|option| option == *field));
-        needed.map(|field| Remark::new(Weight::Open, *field, "the file does not say it")).collect()
+        let needed = |field| Remark::new(Weight::Open, field, "the file does not say it");
+        fields_in(&error.to_string()).into_iter().map(needed).collect()
     }
 
-    /// What the reader of a file guessed of its times is asked for.
+    /// What the reader of a file guessed of its times is asked for; what it took else, and names a field for, stands beside that field.
     pub fn asked(&self, repairs: &[Repair]) -> Vec<Remark> {
-        let written = [("time-unit", "time_unit", &self.time_unit), ("date-order", "date_order", &self.date_order)];
-        let open = written.into_iter().filter(|(.., text)| text.trim().is_empty());
+        let open = [("time-unit", "time_unit", &self.time_unit), ("date-order", "date_order", &self.date_order)];
         let guess = |what: &str| repairs.iter().find(|repair| repair.guessed && repair.what == what);
         let ask = |field: &str, guess: &Repair| {
             Remark::new(Weight::Open, field, format!("the file does not say it; it looks as if {}", guess.text))
         };
-        open.filter_map(|(what, field, _)| Some(ask(field, guess(what)?))).collect()
+        let unanswered = open.iter().filter(|(.., text)| text.trim().is_empty());
+        let mut remarks: Vec<Remark> =
+            unanswered.filter_map(|(what, field, _)| Some(ask(field, guess(what)?))).collect();
+        for repair in repairs.iter().filter(|repair| open.iter().all(|(what, ..)| repair.what != *what)) {
+            let named = fields_in(&repair.text).into_iter();
+            remarks.extend(named.map(|field| Remark::new(Weight::Assumed, field, repair.text.clone())));
+        }
+        remarks
     }
+}
+
+/// The fields that a text names as options.
+fn fields_in(text: &str) -> Vec<&'static str> {
+    let options: Vec<String> = named(text).iter().map(|option| option.name.replace('-', "_")).collect();
+    FIELDS.into_iter().filter(|field| options.iter().any(|option| option == field)).collect()
 }
