@@ -152,7 +152,7 @@ export async function load() {
     draw();
     const curveless = app.preview && !panels.some((panel) => panel.data.trial);
     if (curveless || !changed()) at("trial").textContent = curveless ? `no curve is kept of ${app.preview}: its fit was given up early` : "";
-    if (changed() && !app.preview) try_();
+    if (changed() && !app.preview) try_(app.drags);
   } catch (error) { if (mine === latest) complain(error); }
 }
 

@@ -3,7 +3,7 @@
 import { digits, h } from "/assets/dom.js";
 import { app } from "/assets/store.js";
 import { marks, reading } from "/assets/marks.js";
-import { ghostly, perM, plots, shown, symbol, what } from "/assets/plot.js";
+import { ghostly, onScales, perM, plots, shown, symbol, what } from "/assets/plot.js";
 import { menu } from "/assets/take.js";
 
 const gap = (values, n) => values || new Array(n).fill(null);
@@ -77,7 +77,8 @@ export class Panel {
     this.drawn = [[time, ...heads.map((v) => shown(this, v))], [time, this.leaves ? gap(null, n) : before, gap(null, n), now, proposed]];
     // all sensors may stand in one chart instead
     if (!this.box.isConnected) return;
-    if (this.plots.length) this.plots.forEach((plot, i) => plot.setData(this.drawn[i]));
+    const data = onScales(this.drawn, this.plots, (n) => n === 4);
+    if (this.plots.length) this.plots.forEach((plot, i) => plot.setData(data[i]));
     else this.build();
     const legend = this.legend.querySelectorAll(".u-series");
     [[1, ghost], [3, model]].forEach(([i, curve]) => { legend[i].hidden = !curve; });

@@ -13,6 +13,8 @@ export function colour(name) {
   return colours.get(name);
 }
 
+// A residual near the noise fills its plot with steep lines: hairlines are drawn five times as fast as wider ones.
+const HAIR = 1;
 // In the order of drawing: the measurement over what was before and under the models, dark and wide, so that it shows where they cover it.
 const SERIES = [
   { key: "ghost", label: "before", stroke: () => colour("--ghost"), width: 1 },
@@ -93,9 +95,22 @@ function options(panel, residual, { span, zoom }, series) {
     cursor: { sync: { key: "surge", setSeries: false }, drag: { x: true, y: false, setScale: false }, bind: { dblclick: () => () => { marks.clear(); zoom(null); return null; } } },
     scales: { x: { time: false, range: () => span() }, y: { range } },
     axes: [{ ...axis, size: () => (residual && hasAxis(panel) ? AXIS_PX : 0), gap: 3, values: times }, { ...axis, size: 60, space: residual ? 16 : 26, ...(residual ? { splits: (_, __, low, high) => around0(high) } : {}) }],
-    series: [{ label: "\u00a0", value: (_, v) => (v === null || v === undefined ? "" : `at ${digits(v, 5)} s`) }, ...series.map((s) => ({ value, points: { show: false }, spanGaps: false, ...s }))],
+    series: [{ label: "\u00a0", value: (_, v) => (v === null || v === undefined ? "" : `at ${digits(v, 5)} s`) }, ...series.map((s) => ({ value, points: { show: false }, spanGaps: false, ...s, ...(residual && { width: HAIR }) }))],
     hooks,
   };
+}
+
+// Data without the parts of the curves that are tried which lie beyond a scale that stands still: a dashed line that runs far outside costs a
+// hundred times what is seen of it. `tried` are their places.
+export function onScales(data, plots, tried) {
+  if (!app.drags || !plots.length) return data;
+  return data.map((of_plot, i) => {
+    const { min, max } = plots[i].scales.y;
+    const [low, high] = [min - (max - min), max + (max - min)];
+    const beyond = (v) => v === undefined || v === null || v < min || v > max;
+    const cut = (v, n, all) => (typeof v !== "number" || (beyond(v) && beyond(all[n - 1]) && beyond(all[n + 1])) ? null : Math.min(high, Math.max(low, v)));
+    return of_plot.map((values, n) => (tried(n) ? values.map(cut) : values));
+  });
 }
 
 // The two plots of a chart, in its box.

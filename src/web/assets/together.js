@@ -2,7 +2,7 @@
 
 import { h } from "/assets/dom.js";
 import { marks, reading } from "/assets/marks.js";
-import { colour, plots, symbol } from "/assets/plot.js";
+import { colour, onScales, plots, symbol } from "/assets/plot.js";
 
 const COLOURS = ["--measured", "--run2", "--run3", "--run4", "--run5"];
 const of = (i) => COLOURS[i % COLOURS.length];
@@ -49,7 +49,8 @@ export class Together {
     if (known.length < this.panels.length) return;
     // measurement, model and what is tried of each, at the times of all; a sensor that has none at a time has a line across it
     this.drawn = [0, 1].map((i) => uPlot.join(this.panels.map((panel) => [panel.drawn[i][0], ...panel.drawn[i].slice(2)])));
-    if (this.plots.length) this.plots.forEach((plot, i) => plot.setData(this.drawn[i]));
+    const data = onScales(this.drawn, this.plots, (n) => n > 0 && n % 3 === 0);
+    if (this.plots.length) this.plots.forEach((plot, i) => plot.setData(data[i]));
     else this.build();
   }
   build() {
