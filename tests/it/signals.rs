@@ -566,11 +566,10 @@ fn a_slow_closure_shows_its_wave_speed_afterwards_and_is_fitted() {
         assert!((seen / wave_speed - 1.0).abs() < 0.005, "{closing_s}: {seen} for {wave_speed} m/s");
         let took_s = f["closure"]["end_s"].as_f64().unwrap() - f["closure"]["start_s"].as_f64().unwrap();
         assert!((took_s - closing_s).abs() < 0.05, "{took_s} for {closing_s} s");
-        assert_eq!(
-            (&f["sensor_faults"], &f["doubts"]),
-            (&serde_json::json!([]), &serde_json::json!([])),
-            "{closing_s}"
-        );
+        assert_eq!(f["sensor_faults"], serde_json::json!([]), "no clock is to blame");
+        // the elastic model swings below a vacuum where the closure is fast enough
+        let mut doubts = f["doubts"].as_array().unwrap().iter();
+        assert!(doubts.all(|d| d.as_str().unwrap().contains("vacuum")), "{closing_s}: {}", f["doubts"]);
 
         let fit = done(&["calibrate", &run_1]);
         let [rmse_m, noise_m, start_m] = ["rmse_m", "noise_m", "start_rmse_m"]
