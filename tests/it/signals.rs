@@ -369,8 +369,15 @@ fn numbers_that_cannot_all_be_right_are_doubted_and_others_are_not() {
     one(&flow(1.0 / 3.6), &["Joukowsky", "the units and scales of flow"]);
     one(&flow(0.1), &["which no water pipe has"]);
     one(&flow(2.0), &["Joukowsky", "whether the valve closed fully"]);
-    one(&flow(1.3), &["Joukowsky", "a leak, a wrong flow, or a slow closure?"]);
-    assert_eq!(said(&flow(1.1)), Vec::<String>::new(), "creep lowers the first rise");
+    assert_eq!(said(&flow(1.3)), Vec::<String>::new(), "creep and leaks lower the first rise");
+    let copper = |mut recording: Recording| {
+        let source =
+            recording.rig.source.replace("\"HDPE\"\n", "\"HDPE\"\nwave_speed_m_s = 420.0\n").replace("HDPE", "copper");
+        recording.rig = Rig::from_toml(&source, "t.toml").unwrap();
+        recording
+    };
+    one(&copper(flow(1.3)), &["Joukowsky", "a leak, a wrong flow, or a slow closure?"]);
+    assert_eq!(said(&copper(flow(1.1))), Vec::<String>::new(), "some percent are in every flow meter and bore");
     // a wave three times as long on top of it: the head crosses its mean at one period, and its spectrum peaks at another
     let mut other = good.clone();
     for (t, head) in other.series[0].time_s.clone().iter().zip(&mut other.series[0].value) {
@@ -566,11 +573,10 @@ fn a_slow_closure_shows_its_wave_speed_afterwards_and_is_fitted() {
         assert!((seen / wave_speed - 1.0).abs() < 0.005, "{closing_s}: {seen} for {wave_speed} m/s");
         let took_s = f["closure"]["end_s"].as_f64().unwrap() - f["closure"]["start_s"].as_f64().unwrap();
         assert!((took_s - closing_s).abs() < 0.05, "{took_s} for {closing_s} s");
-        assert_eq!(
-            (&f["sensor_faults"], &f["doubts"]),
-            (&serde_json::json!([]), &serde_json::json!([])),
-            "{closing_s}"
-        );
+        assert_eq!(f["sensor_faults"], serde_json::json!([]), "no clock is to blame");
+        // the elastic model swings below a vacuum where the closure is fast enough
+        let mut doubts = f["doubts"].as_array().unwrap().iter();
+        assert!(doubts.all(|d| d.as_str().unwrap().contains("vacuum")), "{closing_s}: {}", f["doubts"]);
 
         let fit = done(&["calibrate", &run_1]);
         let [rmse_m, noise_m, start_m] = ["rmse_m", "noise_m", "start_rmse_m"]

@@ -53,7 +53,7 @@ pub(crate) fn shut(station: &Station) -> Option<f64> {
     let mut back = (onset..last).rev().map(|t| (t, off_image(&t))).skip_while(|(_, off)| off.is_none()).peekable();
     let (latest, _) = *back.peek()?;
     let (at, _) = back.find(|(_, off)| off.is_none_or(|off| off > MIRRORED))?;
-    (at < latest).then(|| at as f64 + 0.5 * MIRRORED * half as f64)
+    (at < latest).then_some(at as f64 + 0.5 * MIRRORED * half as f64)
 }
 
 /// The change of the trigger nearest to the pressure's bend, halfway between its samples.

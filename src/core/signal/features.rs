@@ -33,7 +33,7 @@ pub struct Features {
     pub fundamental_hz: Option<f64>,
     /// Logarithmic decrement of each cycle at the reference sensor.
     pub damping_per_cycle: Vec<f64>,
-    /// The wave speed in three ways.
+    /// The wave speed in four ways.
     pub wave_speed: WaveSpeeds,
 }
 

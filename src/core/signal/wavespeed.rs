@@ -47,7 +47,7 @@ pub(crate) fn there_and_back(stations: &[&Station], length_m: f64, of_period: Op
     let mut estimates: Vec<Estimate> = Vec::new();
     let mut alternatives: Vec<f64> = Vec::new();
     let mut tail = 0.0;
-    let mut slow = of_period.zip(stations.first()).is_none_or(|(a, s)| outlasts_return(s, a.value));
+    let mut slow = of_period.zip(stations.first()).is_none_or(|(a, s)| rise_over_return(s, a.value) > SLOW);
     let mut doubt = 0.0;
     for station in stations {
         let Ok(front) = &station.front else { continue };
@@ -101,10 +101,10 @@ pub(crate) fn there_and_back(stations: &[&Station], length_m: f64, of_period: Op
     ThereAndBack { crossings: crossings.filter(carried), smear: tail, slow }
 }
 
-/// Whether the rise at a station lasts until a wave of this speed has returned from the supply.
-fn outlasts_return(station: &Station, speed_m_s: f64) -> bool {
+/// How long the rise at a station lasts, as a share of the time after which a wave of this speed has returned from the supply.
+fn rise_over_return(station: &Station, speed_m_s: f64) -> f64 {
     let return_s = 2.0 * station.place_m / speed_m_s;
-    station.front.as_ref().is_ok_and(|front| front.rise * station.coarse.step_s > SLOW * return_s)
+    station.front.as_ref().map_or(0.0, |front| front.rise * station.coarse.step_s / return_s)
 }
 
 /// Delays between equal levels of the rise and the fall, at a quarter and at half of the front.
@@ -128,7 +128,7 @@ fn equal_levels(station: &Station, front: &Front, valve_m: f64, found: &Delay) -
 pub(crate) fn arrival(stations: &[&Station], smear: f64, speed_m_s: Option<f64>) -> Option<Estimate> {
     let (first, others) = stations.split_first()?;
     let mut estimates = Vec::new();
-    for other in others.iter().filter(|other| speed_m_s.is_none_or(|a| !outlasts_return(other, a))) {
+    for other in others.iter().filter(|other| speed_m_s.is_none_or(|a| rise_over_return(other, a) < 1.0)) {
         let distance = first.place_m - other.place_m;
         let Some(later) = front_delay(first, other) else { continue };
         if distance > 0.0 && later.value > 0.5 * first.coarse.step_s {
