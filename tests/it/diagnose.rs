@@ -44,7 +44,11 @@ fn an_answer_that_explains_the_record_is_not_doubted() {
         let fit = done(&["calibrate", recording]);
         let (before, free) = (&answer["start"]["rmse_m"], &fit["runs"][0]["rmse_m"]);
         assert_eq!(before.as_f64().unwrap(), free.as_f64().unwrap(), "{recording}");
-        assert_eq!(answer["warnings"], serde_json::json!([]), "{recording}");
+        // What the record shows by itself stays: its first rise is lower than the flow says, which asks for a leak.
+        let shown = done(&["inspect", recording])["doubts"].as_array().unwrap().clone();
+        let own = |doubt: &Value| shown.iter().any(|s| doubt.as_str().unwrap().ends_with(s.as_str().unwrap()));
+        let doubts = answer["warnings"].as_array().unwrap();
+        assert!(doubts.iter().all(own), "{recording}: {doubts:?}");
     }
     let leak = diagnose(&[text(&table)]);
     let place_m = parameter(best(&leak), "leak_position_m")["value"].as_f64().unwrap();

@@ -7,7 +7,7 @@ use crate::diagnose::limits::NOT_FITTED;
 use crate::diagnose::outcome::Diagnosis;
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
-use crate::fit::validate::conflict::{at_bounds, faded_noise, moved_sensors, of_fit, of_records};
+use crate::fit::validate::conflict::{at_bounds, faded_noise, of_fit, of_records};
 use crate::model::effects::Chosen;
 use crate::number::error_m;
 use crate::rig::Rig;
@@ -46,8 +46,7 @@ pub(crate) fn warnings(rig: &Rig, runs: &[RunData], diagnosis: &Diagnosis, effec
 
 /// The noise may be reached with a velocity that contradicts the meter, or with a level that no gauge has: it is then the wrong scale that fits.
 fn of_answer(answer: &Fit, runs: &[RunData]) -> Vec<String> {
-    let moved = moved_sensors(answer).into_iter().filter(|_| answer.converged);
-    of_fit(answer, runs).into_iter().chain(at_bounds(answer)).chain(moved).collect()
+    of_fit(answer, runs).into_iter().chain(at_bounds(answer)).collect()
 }
 
 /// Where nothing explains the records, or nothing is missing.
@@ -71,6 +70,5 @@ fn of_start(start: &Fit, runs: &[RunData]) -> Vec<String> {
         ));
     }
     doubts.extend(of_fit(start, runs));
-    doubts.extend(moved_sensors(start).into_iter().filter(|_| start.converged));
     doubts
 }
