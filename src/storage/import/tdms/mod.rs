@@ -48,7 +48,7 @@ pub(crate) fn read(bytes: &[u8], options: &SourceOptions) -> Result<SourceFile, 
     let (mut timed, mut left_out) = (Vec::new(), Vec::new());
     for channel in &channels {
         match found(channel, &channels, &properties, options)? {
-            Found::Track(track) => timed.push(track),
+            Found::Track(track) => timed.push(*track),
             Found::LeftOut(why) => left_out.push((channel.path.clone(), why)),
             Found::Times => {}
         }
@@ -103,7 +103,7 @@ struct Timed {
 
 /// What a channel is.
 enum Found {
-    Track(Timed),
+    Track(Box<Timed>),
     /// The times of others.
     Times,
     /// Neither, and why.
@@ -146,7 +146,7 @@ fn found(
     });
     let series = Series { time_s, value: values, gaps: Vec::new() };
     let track = Track { name: channel.path.clone(), short: short.clone(), unit, series, repairs, shares: None };
-    Ok(Found::Track(Timed { track, start_ns, holes_s }))
+    Ok(Found::Track(Box::new(Timed { track, start_ns, holes_s })))
 }
 
 /// What is left out is lost where it is a series of numbers.
