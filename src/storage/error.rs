@@ -362,9 +362,6 @@ pub enum CsvProblem {
         /// That of the line.
         second: String,
     },
-    /// Something that the file does not say, where nobody has agreed to a guess.
-    #[error("{0}: this is a guess, for the file does not say so")]
-    Guessed(String),
     /// A pressure above the vacuum, where nothing says what the atmosphere was.
     #[error(
         "column '{column}' is absolute ('{unit}'), and a sensor's pressure counts from the atmosphere: accept the standard one as a guess, or give the \

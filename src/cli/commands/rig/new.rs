@@ -271,7 +271,8 @@ fn sensors_in_words(rig: &Rig) -> String {
 
 /// What to give where nothing says where several pressure sensors stand: all are assumed at one place.
 fn unknown_places(sensors: &[DraftSensor]) -> Option<String> {
-    let assumed = || sensors.iter().filter(|s| s.kind == SensorKind::Pressure && !s.position_m.why.is_empty());
+    let unseen = |s: &&DraftSensor| s.position_m.why.starts_with("no front can be seen");
+    let assumed = || sensors.iter().filter(|s| s.kind == SensorKind::Pressure).filter(unseen);
     let first = assumed().find(|s| assumed().filter(|o| o.position_m == s.position_m).count() > 1)?;
     let names: Vec<&str> = assumed().filter(|o| o.position_m == first.position_m).map(|s| s.name.as_str()).collect();
     Some(format!(

@@ -1,5 +1,8 @@
 //! The lines of a table: a line break within quotes ends none.
 
+use crate::storage::import::csv::stamp::{Order, Stamp};
+use crate::storage::import::source::Repair;
+
 /// A line that quotes hold together spans no more than so many.
 const MOST_JOINED: usize = 8;
 
@@ -40,6 +43,25 @@ pub(crate) fn lines(text: &str) -> Vec<Line<'_>> {
         from = to;
     }
     found
+}
+
+/// What stands between the time at which a serial monitor received a line, and the line.
+const RECEIVED: &str = " -> ";
+
+/// The lines as a device sent them, without what Arduino's serial monitor puts before each, and a remark on it.
+pub(crate) fn without_receipt(lines: Vec<Line<'_>>) -> (Vec<Line<'_>>, Option<Repair>) {
+    let sent = |line: &Line<'_>| {
+        let (received, _) = line.text.split_once(RECEIVED)?;
+        Stamp::parse(received, Order::Unknown).filter(|s| s.has_time).map(|_| received.len() + RECEIVED.len())
+    };
+    let filled = lines.iter().filter(|l| !l.text.trim().is_empty()).count();
+    let received = lines.iter().filter(|l| sent(l).is_some()).count();
+    if received == 0 || 10 * received < 9 * filled {
+        return (lines, None);
+    }
+    let text = "the times before '->' are those at which a serial monitor received the lines: the device's own count";
+    let lines = lines.into_iter().map(|line| Line { text: &line.text[sent(&line).unwrap_or(0)..], ..line }).collect();
+    (lines, Some(Repair::new("serial-monitor", received, None, text)))
 }
 
 #[cfg(test)]

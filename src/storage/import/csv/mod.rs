@@ -32,7 +32,7 @@ use crate::storage::import::csv::clock::Clock;
 use crate::storage::import::csv::comments::note;
 use crate::storage::import::csv::cut::is_cut_off;
 use crate::storage::import::csv::layout::{Column, Layout};
-use crate::storage::import::csv::lines::lines;
+use crate::storage::import::csv::lines::{lines, without_receipt};
 use crate::storage::import::csv::missing::{Spellings, take_sentinels};
 use crate::storage::import::csv::numbers::{Numbers, thousands};
 use crate::storage::import::csv::order::put_in_order;
@@ -47,13 +47,14 @@ use crate::storage::import::source::{Repair, SourceFile, SourceOptions, Start, T
 /// Reads a table however it is written.
 ///
 /// # Errors
-/// The line from 1, where there is one, and what is wrong; a guess that the options do not allow.
+/// The line from 1, where there is one, and what is wrong.
 pub(crate) fn read(bytes: &[u8], options: &SourceOptions) -> Result<SourceFile, CsvFault> {
     check_lines(bytes)?;
     let mut repairs = Vec::new();
     let text = decode(bytes, options, &mut repairs)?;
     let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
-    let all = lines(text);
+    let (all, received) = without_receipt(lines(text));
+    repairs.extend(received);
     let mut layout = Layout::find(&all).ok_or((None, Box::new(CsvProblem::Empty)))?;
     let header_at = layout.names_at.map(|at| all[at].at);
     if let Some((line, [column, first, second])) = layout.contradiction.take()
@@ -153,9 +154,6 @@ pub(crate) fn read(bytes: &[u8], options: &SourceOptions) -> Result<SourceFile, 
         repairs.push(remark);
         Some(start)
     });
-    if let Some(guess) = repairs.iter().find(|r| r.guessed).filter(|_| !options.guess) {
-        return Err((header_at, Box::new(CsvProblem::Guessed(guess.text.clone()))));
-    }
     let is_track = |i: &usize| tracks.iter().any(|(column, _)| column == i);
     let others =
         (0..names.len()).filter(|i| !is_track(i)).flat_map(|i| [names[i].0.clone(), names[i].1.clone()]).collect();
