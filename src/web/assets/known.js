@@ -116,7 +116,7 @@ function draw() {
     h("p", { class: "hint", text: held ? "It is held, so it has no profile: let it go and fit." : "The parameter is moved step by step, and at each step all others are fitted again. The curve is how much worse the fit gets; the interval ends where that is more than noise explains." }),
     profile ? picture(profile, p) : null, profile ? says(profile, p) : null, at_work || h("p", {}, start),
     h("h3", { text: "What it trades with" }),
-    strongest ? h("p", { class: "hint", text: Math.abs(strongest.correlation) < 0.5 ? "With none of the others: each is settled by itself." : `When it rises, ${named(strongest)} ${strongest.correlation > 0 ? "rises" : "falls"}${Math.abs(strongest.correlation) > 0.9 ? ", and the fit hardly gets worse" : " a little with it"}. A circle is no trade, a line a full one.` }) : h("p", { class: "hint", text: "Nothing is known of it: the parameter is held or at a bound, or the fit ended at no optimum." }),
+    strongest ? h("p", { class: "hint", text: Math.abs(strongest.correlation) < 0.5 ? "With none of the others: each is settled by itself." : `When it rises, ${named(strongest)} ${Math.abs(strongest.correlation) > 0.9 ? `${strongest.correlation > 0 ? "rises" : "falls"}, and the fit hardly gets worse` : `tends to ${strongest.correlation > 0 ? "rise" : "fall"}`}. A circle is no trade, a line a full one.` }) : h("p", { class: "hint", text: "Nothing is known of it: the parameter is held or at a bound, or the fit ended at no optimum." }),
     h("div", { class: "trades" }, trades.slice(0, SEEN).map((other) => trade(other, p))),
     trades.length > SEEN ? h("p", { class: "hint", text: `The other ${trades.length - SEEN} trade less: below ${Math.abs(trades[SEEN].correlation).toFixed(2)}.` }) : null);
 }

@@ -21,6 +21,16 @@ await story("a recorded shot is diagnosed as by `diagnose`", { words: ["rig.toml
   await page.click("#record >> text=Start");
   await page.waitForFunction(() => !document.querySelector("#live").hidden && /[1-9]\d* samples/.test(document.querySelector("#live-line").textContent));
   await page.waitForFunction(() => document.querySelector("#live-disk").textContent.includes("GB free"));
+  // the page is the recorder's: strips in the unit that is chosen, and nothing of a run
+  await page.waitForFunction(() => document.querySelectorAll(".strip canvas").length === 5 && /\d m$/.test(document.querySelector(".strip .level").textContent));
+  assert.deepEqual(await page.locator("main, #tabs, [data-range], #take").evaluateAll((all) => all.filter((one) => one.checkVisibility()).map((one) => one.id || one.tagName)), []);
+  const inked = () => page.evaluate(() => { const canvas = document.querySelector(".strip canvas"); return canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data.some((v, i) => i % 4 === 3 && v > 200); });
+  assert(await inked(), "a curve is drawn");
+  await page.keyboard.press("m");
+  await page.waitForFunction(() => /\d kPa$/.test(document.querySelector(".strip .level").textContent));
+  const [head, pressure] = await page.evaluate(async () => { const { app } = await import("/assets/store.js"); const { per_m: per, zero } = app.state.recording.rig.heads.P1; return [(parseFloat(document.querySelector(".strip .level").textContent) - zero) / per, parseFloat(document.querySelector(".strip .level").textContent)]; });
+  close(pressure, 9.79 * head, 0.02, "the level in kPa");
+  await page.keyboard.press("m");
   await shot(page, "live");
   // it is opened, fitted and diagnosed by itself
   await page.waitForSelector(".verdict");
