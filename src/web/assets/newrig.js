@@ -184,9 +184,10 @@ function show() {
   put(at("new-rig-understood"), [...new Set([...(found.columns.length && alike() ? [sampled(found.columns[0])] : []), ...found.understood])].map((text) => h("li", { text })), [...new Set(found.guessed)].map((text) => h("li", { class: "advice", text: `a guess: ${text}` })));
   draw();
   const wanting = found.remarks.filter((remark) => remark.weight !== "assumed");
-  const count = new Set(wanting.map((remark) => remark.field)).size;
+  const of = (weight) => new Set(wanting.filter((remark) => remark.weight === weight).map((remark) => remark.field)).size;
+  const answersThat = (n, one, several) => n > 0 && (n === 1 ? `One answer ${one}.` : `${n} answers ${several}.`);
   const doubts = found.rig?.doubts || [];
-  put(at("new-rig-says"), wanting.length ? h("p", { text: count === 1 ? "One answer is missing." : `${count} answers are missing.` }) : null,
+  put(at("new-rig-says"), wanting.length ? h("p", { text: [answersThat(of("wrong"), "cannot be taken", "cannot be taken"), answersThat(of("open"), "is missing", "are missing")].filter(Boolean).join(" ") }) : null,
     found.rig ? h("p", {}, "Writes ", h("b", { text: found.writes[0] }), " and ", h("b", { text: found.writes[1] }), ` in ${found.folder}; nothing is replaced.`) : null,
     doubts.length ? h("ul", { class: "advice" }, doubts.map((text) => h("li", { text }))) : null,
     found.rig ? h("details", {}, h("summary", { text: `${found.writes[0]} as it will be` }), h("pre", { text: found.rig.text })) : null);
