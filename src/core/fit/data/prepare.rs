@@ -74,7 +74,7 @@ pub fn prepare(file: &str, rig: &Rig, recording: &Recording, features: &Features
             velocity_m_s,
             valve_head_m: valve_head(rig, features, &water, velocity_m_s.0, rise_m),
             wave_speed_ratio: measured_speed.map(|a| a / mean_speed),
-            closing_time_s: contradicted_closing_time(rig, features),
+            closing_time_s: shown_closing_time(rig, features),
         },
         meter: flow_meter(rig, features, velocity_m_s),
         extrema,
@@ -97,12 +97,13 @@ fn impulse_velocity(recording: &Recording, features: &Features) -> Option<f64> {
     Some(GRAVITY_M_S2 * (impulse + loss) / sensor.position_m).filter(|v| *v > 0.0 && v.is_finite())
 }
 
-/// The closing time that the pressures show, where the rig file's is far from it.
-fn contradicted_closing_time(rig: &Rig, features: &Features) -> Option<f64> {
+/// The closing time that the pressures show: always of a slow closure, whose end the oscillation after it tells to a fraction of a period, while the rig
+/// file's may be off by many; of a fast one where the rig file's is far from it.
+fn shown_closing_time(rig: &Rig, features: &Features) -> Option<f64> {
     let (nominal_s, closure) = (rig.valve.closing_time_s, &features.closure);
     let seen_s = closure.end_s? - closure.pressure_onset_s;
     let agree = (seen_s / CLOSING_TIME_FACTOR..=seen_s * CLOSING_TIME_FACTOR).contains(&nominal_s);
-    (seen_s > 0.0 && !agree).then_some(seen_s)
+    (seen_s > 0.0 && (closure.slow || !agree)).then_some(seen_s)
 }
 
 /// Leaves out and counts the samples at which a pressure sensor is at the end of its range. An end below the vapour pressure does not count: the

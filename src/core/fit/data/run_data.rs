@@ -72,6 +72,6 @@ pub struct RunStart {
     pub valve_head_m: (f64, Option<f64>),
     /// Wave speed relative to the rig's start value, where the signals show it.
     pub wave_speed_ratio: Option<f64>,
-    /// Closing time that the pressures show, s, where it contradicts the rig file's.
+    /// Closing time that the pressures show, s, where it counts more than the rig file's.
     pub closing_time_s: Option<f64>,
 }
