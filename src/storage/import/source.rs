@@ -8,7 +8,6 @@ use serde::Serialize;
 
 use crate::recording::Series;
 use crate::rig::spelled_unit;
-use crate::storage::import::csv::stamp::Order;
 use crate::units::{Quantity, Unit};
 
 /// What a file of another program holds.
@@ -59,6 +58,14 @@ impl Track {
     pub fn is_called(&self, name: &str) -> bool {
         self.name == name || self.short == name
     }
+}
+
+/// Which of two numbers below 13 is the day.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Order {
+    Unknown,
+    DayFirst,
+    MonthFirst,
 }
 
 /// Something about a file that was put right, or could not be.

@@ -3,7 +3,8 @@
 use crate::storage::import::csv::heading::is_known_unit;
 use crate::storage::import::csv::missing::says_missing;
 use crate::storage::import::csv::numbers::Numbers;
-use crate::storage::import::csv::stamp::{Order, Stamp};
+use crate::storage::import::csv::stamp::Stamp;
+use crate::storage::import::source::Order;
 
 /// A cell by its looks.
 #[derive(Debug, Clone, Copy, PartialEq)]

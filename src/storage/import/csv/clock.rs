@@ -8,7 +8,8 @@ use crate::storage::import::csv::numbers::Numbers;
 use crate::storage::import::csv::roles::{Clock as Columns, Form};
 use crate::storage::import::csv::row::Row;
 use crate::storage::import::csv::stamp;
-use crate::storage::import::csv::stamp::{Order, Stamp};
+use crate::storage::import::csv::stamp::Stamp;
+use crate::storage::import::source::Order;
 use crate::storage::import::source::{Repair, SourceOptions, Start};
 use crate::storage::layout::{to_ns, to_s};
 

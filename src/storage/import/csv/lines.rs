@@ -1,6 +1,7 @@
 //! The lines of a table: a line break within quotes ends none.
 
-use crate::storage::import::csv::stamp::{Order, Stamp};
+use crate::storage::import::csv::stamp::Stamp;
+use crate::storage::import::source::Order;
 use crate::storage::import::source::Repair;
 
 /// A line that quotes hold together spans no more than so many.

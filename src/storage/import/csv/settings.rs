@@ -4,7 +4,8 @@ use std::borrow::Cow;
 
 use crate::storage::import::csv::heading::{header_unit, is_known_unit, time_unit};
 use crate::storage::import::csv::numbers::Numbers;
-use crate::storage::import::csv::stamp::{Order, Stamp};
+use crate::storage::import::csv::stamp::Stamp;
+use crate::storage::import::source::Order;
 use crate::storage::import::source::{Repair, SourceOptions, Start};
 
 /// Kind of the remark on a start that the file gives.

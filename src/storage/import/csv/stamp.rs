@@ -2,13 +2,7 @@
 
 use chrono::{NaiveDate, NaiveTime};
 
-/// Which of two numbers below 13 is the day.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Order {
-    Unknown,
-    DayFirst,
-    MonthFirst,
-}
+use crate::storage::import::source::Order;
 
 /// A date, a time of day, or both.
 #[derive(Debug, Clone, Copy, PartialEq)]
