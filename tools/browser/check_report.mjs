@@ -68,7 +68,8 @@ async function contents(page, problems, requests) {
   check("every sensor has its extrema", tables + without === sensors, `${tables} tables`);
   check("parameters and rig are there", await page.$$eval("h2", (all) => ["Parameters", "Rig", "How it was computed"].every((t) => all.some((h) => h.textContent === t))));
   const ink = await inked(page);
-  check("two drawn charts a sensor", ink.length === 2 * sensors && ink.every((share) => share > 0.01), ink.map((s) => s.toFixed(3)).join(" "));
+  const charts = panels.reduce((sum, panel) => sum + 1 + panel.models.length, 0);
+  check("a drawn chart of the head and one of each model's residual a sensor", ink.length === charts && ink.every((share) => share > 0.01), ink.map((s) => s.toFixed(3)).join(" "));
   check("still pictures give way to charts", await page.$$eval(".still", (all) => all.every((s) => getComputedStyle(s).display === "none")));
   check("no console error", problems.length === 0, problems.join(" | "));
   check("no network request", requests.length === 0, requests.join(" | "));
@@ -76,11 +77,11 @@ async function contents(page, problems, requests) {
 
 async function zoom(page) {
   const same = (a, b) => a.every((r, i) => r.every((v, k) => Math.abs(v - b[i][k]) < 1e-9 * Math.max(1, Math.abs(v))));
-  const synced = ([a, b]) => a[0] === b[0] && a[1] === b[1];
+  const synced = (all) => all.length > 1 && all.every((one) => one[0] === all[0][0] && one[1] === all[0][1]);
   const full = await scales(page, 0);
-  check("both charts start on the whole record", synced(full), JSON.stringify(full));
+  check("all charts start on the whole record", synced(full), JSON.stringify(full));
   for (const name of ["head", "residual"]) {
-    const over = page.locator(`#sensor-0 .plot.${name} .u-over`);
+    const over = page.locator(`#sensor-0 .plot.${name} .u-over`).last();
     await over.scrollIntoViewIfNeeded();
     const box = await over.boundingBox();
     const [y, from, to] = [box.y + box.height / 2, box.x + box.width * 0.05, box.x + box.width * 0.3];
@@ -92,14 +93,14 @@ async function zoom(page) {
     await settled(page);
     const zoomed = await scales(page, 0);
     const span = full[0][1] - full[0][0];
-    check(`drag on ${name} zooms both charts alike`, synced(zoomed) && Math.abs((zoomed[0][1] - zoomed[0][0]) / span - 0.25) < 0.02, JSON.stringify(zoomed));
+    check(`drag on ${name} zooms all charts alike`, synced(zoomed) && Math.abs((zoomed[0][1] - zoomed[0][0]) / span - 0.25) < 0.02, JSON.stringify(zoomed));
     if (name === "head") {
       await page.mouse.move(box.x + box.width * 0.5, y);
       await settled(page);
       const values = await page.$$eval("#sensor-0 .legend output", (all) => all.filter((o) => /\d m$/.test(o.textContent)).length);
       const lines = await page.$$eval("#sensor-0 .u-cursor-x", (all) => all.filter((c) => !c.classList.contains("u-off") && /translate/.test(c.style.transform)).map((c) => c.style.transform));
-      check("the cursor reads values in both charts", values >= 3, `${values} values`);
-      check("the cursor moves in both charts", lines.length === 2 && lines[0] === lines[1], lines.join(" "));
+      check("the cursor reads values in all charts", values >= 3, `${values} values`);
+      check("the cursor moves in all charts", lines.length === full.length && lines.every((line) => line === lines[0]), lines.join(" "));
       await page.locator("#sensor-0").screenshot({ path: join(folder, "zoomed.png") });
     }
     await over.dblclick();
