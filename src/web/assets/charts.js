@@ -77,13 +77,15 @@ export async function watchFit(job) {
   following = job;
   const until = (ms) => new Promise((done) => setTimeout(done, Math.max(20, ms)));
   // at once there is nothing to see; a fit of half a second is to be seen, too
-  await until(EVERY_MS / 4);
+  await until(EVERY_MS / 8);
   while (app.state?.job?.id === following) {
     const began = performance.now();
     // a curve that cannot be had at the moment is had the next time
     const each = await ofAll(["fitting"]).catch(() => null);
-    if (each && app.state?.job?.id === following) { each((panel, column) => panel.watch(column)); draw(true); }
-    await until(each ? EVERY_MS - (performance.now() - began) : AGAIN_MS);
+    let seen = false;
+    if (each && app.state?.job?.id === following) { each((panel, column) => { seen = panel.watch(column) || seen; }); draw(true); }
+    // a short fit is over soon: until its first curve is there, look again at once
+    await until(seen ? EVERY_MS - (performance.now() - began) : each ? EVERY_MS / 8 : AGAIN_MS);
   }
   following = null;
   panels.forEach((panel) => { panel.data.trial = null; });

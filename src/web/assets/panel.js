@@ -57,9 +57,10 @@ export class Panel {
   // The curve of the model that is being fitted, where it stands at the times that are shown.
   watch(column) {
     const [time, now] = [column("time_s"), column("fitting_m")];
-    if (!now) return;
+    if (!now) return false;
     if (!this.data.time.length) this.data = { time, measured: column("measured_m") };
     if (same(time, this.data.time)) Object.assign(this.data, { trial: now, adds: false, fitting: true });
+    return true;
   }
   draw() {
     const { time, measured, ghost, model, trial, adds, fitting } = this.data;

@@ -47,11 +47,13 @@ await story("a stranger ends where the commands end", { files: { "run.mcap": "hd
     };
     new MutationObserver(look).observe(document.body, { subtree: true, childList: true, characterData: true });
   });
+  const began = performance.now();
   await page.click(".candidate button.primary");
   await settled(page, 2);
+  const lasted_ms = performance.now() - began;
   const { curves, errors } = await page.evaluate(() => window.seen);
-  // how many depends on the machine: the faster the fit, the fewer
-  assert(curves > 0, "a curve of the fit was seen on the way");
+  // how many depends on the machine: the faster the fit, the fewer, and one of less than half a second may be over before the first
+  assert(curves > 0 || lasted_ms < 500, `a curve of the fit was seen on the way, which took ${lasted_ms} ms`);
   assert(errors.at(-1) < errors[0], `the error fell while one looked: ${errors}`);
   await page.waitForFunction(() => document.querySelector("#fails").textContent.includes("more than its noise"));
   await shot(page, "added");
