@@ -350,9 +350,29 @@ pub enum CsvProblem {
         /// The time, as written.
         time: String,
     },
+    /// A number without the unit that stands behind the others.
+    #[error(
+        "column '{column}': '{cell}' is not in '{unit}', as the numbers above say they are: write one unit throughout"
+    )]
+    NoUnit {
+        /// The column.
+        column: String,
+        /// What stands there.
+        cell: String,
+        /// The unit of the others.
+        unit: String,
+    },
+    /// Headings of other columns among the rows.
+    #[error(
+        "other headings stand in this line: another table begins here; cut the file in two, and import each part alone"
+    )]
+    AnotherTable,
+    /// A row above the first one that can be read.
+    #[error("this line looks like a row and cannot be read as one: correct it, or make a comment of it (#)")]
+    NotARow,
     /// A column of two units.
     #[error(
-        "column '{column}' is in '{first}' by its heading and in '{second}' by this line: give the unit that is right with option `scale '{column}={first}'`, or correct the file"
+        "column '{column}' is in '{first}' by its heading and in '{second}' by what stands elsewhere: give the unit that is right with option `scale '{column}={first}'`, or correct the file"
     )]
     TwoUnits {
         /// Its heading.

@@ -207,6 +207,8 @@ const OTHER_SPELLINGS: [(&str, &str); 36] = [
 
 /// The unit of a quantity in any common spelling: `BAR`, `m³/h`, `°C`, `mWC`, `lpm`.
 pub fn spelled_unit(text: &str, quantity: Quantity) -> Option<Unit> {
+    // a thousandth of a pascal is no million of them
+    let text = if text == "mPa" { "" } else { text };
     let allowed = UNITS.iter().filter(|u| u.quantity == quantity);
     let wanted = bare(text);
     let other = OTHER_SPELLINGS.iter().find(|(name, _)| *name == wanted).map(|(_, unit)| *unit);

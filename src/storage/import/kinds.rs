@@ -37,9 +37,8 @@ pub fn is_nameless(heading: &str) -> bool {
 /// `bar g` or `mbar Überdruck`.
 pub(crate) fn pressure_unit(name: &str, text: &str) -> Option<(Unit, bool)> {
     let plain = |text: &str| text.to_lowercase().replace(['(', ')', '[', ']', '.', '_', '-'], " ").trim().to_owned();
-    let (bare, name) = (plain(text), plain(name));
-    // ABS is also the wall of a pipe.
-    let named = name.contains("abs pres") || name.contains("absolut") || name.ends_with(" abs");
+    let bare = plain(text);
+    let named = is_absolute_name(name);
     if let Some(unit) = spelled_unit(text, Quantity::Pressure) {
         return Some((unit, named));
     }
@@ -54,6 +53,25 @@ pub(crate) fn pressure_unit(name: &str, text: &str) -> Option<(Unit, bool)> {
 pub(crate) fn is_unit(name: &str, text: &str) -> bool {
     let other = [Quantity::Flow, Quantity::Temperature];
     pressure_unit(name, text).is_some() || other.into_iter().any(|quantity| spelled_unit(text, quantity).is_some())
+}
+
+/// What a unit measures, if it is one of a test.
+pub(crate) fn quantity_of_unit(text: &str) -> Option<Quantity> {
+    let other = [Quantity::Flow, Quantity::Temperature];
+    let pressure = pressure_unit("", text).map(|_| Quantity::Pressure);
+    pressure.or_else(|| other.into_iter().find(|quantity| spelled_unit(text, *quantity).is_some()))
+}
+
+/// Whether a name says that its pressure counts from the vacuum: `Abs Pres`, `p_abs`, `Pabs`, `P1abs`, `AbsPress1`, `absolut`. ABS is also the wall of
+/// a pipe.
+fn is_absolute_name(name: &str) -> bool {
+    name.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).any(|word| {
+        let lower = word.to_lowercase();
+        let bare = lower.trim_end_matches(|c: char| c.is_ascii_digit());
+        let begins = ["absol", "abspr", "absdr", "absp"].iter().any(|begin| lower.starts_with(begin));
+        let ends = bare.strip_suffix("abs").is_some_and(|rest| rest.starts_with('p') && rest.len() <= 3);
+        begins || ends || (bare == "abs" && word != "ABS")
+    })
 }
 
 /// Whether two spellings are of one unit.

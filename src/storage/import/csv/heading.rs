@@ -132,10 +132,26 @@ fn known_behind(heading: &str) -> Option<(String, String)> {
         let (name, unit) = (whole[..at].trim_end_matches(is_mark), &whole[at + 1..]);
         // `Channel A` is no current, nor `Sensor K` a temperature
         let is_letter = unit.chars().count() == 1 && !whole[at..].starts_with('_');
-        (!name.is_empty() && !is_letter && is_word_unit(name, unit)).then(|| (name.to_owned(), unit.to_owned()))
+        if name.is_empty() || is_letter || !is_word_unit(name, unit) {
+            return None;
+        }
+        // a factor belongs to the unit, and makes an unknown one of it
+        let factor = name.rfind(is_mark).map_or(0, |at| at + 1);
+        match is_factor(&name[factor..]) && factor > 0 {
+            true => Some((name[..factor].trim_end_matches(is_mark).to_owned(), format!("{} {unit}", &name[factor..]))),
+            false => Some((name.to_owned(), unit.to_owned())),
+        }
     });
     // `Q L/min` is no minute
     last.or_else(|| listed("/"))
+}
+
+/// `x10`, `0.01`, `10^5`, `*100`, `/10`: what makes another unit of the one behind it.
+fn is_factor(word: &str) -> bool {
+    let number = word.trim_start_matches(['x', '*', '/', '(']).trim_end_matches(')');
+    number.starts_with(|c: char| c.is_ascii_digit())
+        && number.chars().all(|c| c.is_ascii_digit() || ".,^eE-+".contains(c))
+        && (number.len() < word.len() || number.contains(['.', ',', '^']) || number.starts_with("10"))
 }
 
 /// Whether a last word is a unit: as it is written in a rig file, in whatever case where it has three letters, and that of a time behind a time.
@@ -143,7 +159,7 @@ fn is_word_unit(name: &str, unit: &str) -> bool {
     let exact = unit.parse::<Unit>().is_ok_and(|u| u.quantity != Quantity::Ratio);
     let spelled = unit.len() >= 3 && !unit.starts_with(|c: char| c.is_ascii_digit()) && is_unit("", unit);
     // `ch0_V` is in volts; `P_V` may as well stand at the valve
-    let electric = is_electric(unit) && (unit != "V" || kind_of_name(name).is_none());
+    let electric = is_electric(unit) && (unit.len() > 1 || kind_of_name(name).is_none());
     exact || spelled || electric || (is_time_name(name) && time_unit(unit).is_some())
 }
 

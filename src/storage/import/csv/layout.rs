@@ -2,12 +2,13 @@
 
 use std::borrow::Cow;
 
+use crate::rig::quantity_of;
 use crate::storage::import::csv::cell::{Cell, with_unit};
 use crate::storage::import::csv::heading::{header_unit, is_date_name, is_known_unit, is_time_name};
 use crate::storage::import::csv::lines::Line;
 use crate::storage::import::csv::row::{Row, is_row};
 use crate::storage::import::csv::settings::{Settings, is_key};
-use crate::storage::import::kinds::{NAMELESS, is_nameless, same_unit};
+use crate::storage::import::kinds::{NAMELESS, is_nameless, kind_of_name, pressure_unit, quantity_of_unit, same_unit};
 use crate::storage::import::source::Repair;
 
 /// Rows at the beginning and at the end of a table by which it is judged.
@@ -32,7 +33,21 @@ pub(crate) struct Column {
     pub(crate) suffix: Option<String>,
 }
 
+/// What a table says twice, and not the same: the line of the second, from 1, where it has one, heading and both units.
+pub(crate) type Contradiction = (Option<usize>, [String; 3]);
+
 impl Column {
+    /// Takes a unit that stands somewhere, for a column that has none yet; one that differs from what stands elsewhere is a contradiction.
+    pub(crate) fn state(&mut self, unit: &str, line: Option<usize>, found: &mut Option<Contradiction>) {
+        match &self.unit {
+            None => self.unit = Some(unit.to_owned()),
+            Some(own) if is_known_unit(own) && is_known_unit(unit) && !same_unit(own, unit) => {
+                found.get_or_insert((line, [self.heading.clone(), own.clone(), unit.to_owned()]));
+            }
+            Some(_) => {}
+        }
+    }
+
     fn of(heading: &str) -> Column {
         let heading = heading.split_whitespace().collect::<Vec<_>>().join(" ").replace('"', " ");
         match header_unit(&heading) {
@@ -61,8 +76,8 @@ pub(crate) struct Layout<'t> {
     pub(crate) rows: Vec<Vec<Cow<'t, str>>>,
     /// What stands around it.
     pub(crate) settings: Settings,
-    /// A column of two units: the line of the second, from 1, heading and both.
-    pub(crate) contradiction: Option<(usize, [String; 3])>,
+    /// A column of two units.
+    pub(crate) contradiction: Option<Contradiction>,
     late: Late,
 }
 
@@ -116,7 +131,7 @@ impl<'t> Layout<'t> {
                 }
             }
         }
-        let least = late.least(width);
+        let least = if late.is_numbering(&judged) { late.least(width) } else { usize::MAX };
         let cells_at = |at: usize| aligned(heading_cells(lines[at].text, separator), least);
         let names_at = names_line(&mut headings, cells_at, &late);
         let named =
@@ -153,16 +168,8 @@ impl<'t> Layout<'t> {
                     }
                     Cell::Word if is_known_unit(without_brackets(&cell)) || at == headings[1] => {
                         let said = without_brackets(&cell);
-                        let differs = column
-                            .unit
-                            .as_ref()
-                            .filter(|own| is_known_unit(own) && is_known_unit(said) && !same_unit(own, said));
-                        if let Some(own) = differs {
-                            contradiction
-                                .get_or_insert((lines[at].at, [column.heading.clone(), own.clone(), said.to_owned()]));
-                        }
                         if !PROCESSES.contains(&said.to_lowercase().as_str()) {
-                            column.unit.get_or_insert_with(|| said.to_owned());
+                            column.state(said, Some(lines[at].at), &mut contradiction);
                         }
                     }
                     _ => {}
@@ -172,14 +179,16 @@ impl<'t> Layout<'t> {
         let expected = match names_at {
             // headings to the right of all rows head nothing
             Some(_) if named > width && judged.len() >= ENOUGH && judged.iter().all(|row| row.len() == width) => width,
-            Some(_) => (0..named.max(least)).rev().find(|i| !settled.contains(i)).map_or(width, |last| last + 1),
+            Some(_) => {
+                (0..named.max(late.least(width))).rev().find(|i| !settled.contains(i)).map_or(width, |last| last + 1)
+            }
             None => width,
         };
         for (i, column) in columns.iter_mut().enumerate() {
             let shown = judged.iter().filter_map(|row| row.get(i)).find(|c| !c.is_empty());
             if let Some((_, suffix)) = shown.and_then(|cell| with_unit(cell)) {
-                (column.suffix, column.unit) =
-                    (Some(suffix.to_owned()), column.unit.take().or(Some(suffix.to_owned())));
+                column.suffix = Some(suffix.to_owned());
+                column.state(suffix, None, &mut contradiction);
             }
         }
         for row in &mut judged {
@@ -209,12 +218,27 @@ impl<'t> Layout<'t> {
             (self.settings.units(self.columns.len(), values), self.settings.names(self.columns.len(), values));
         for &i in values {
             let column = &mut self.columns[i];
-            if let Some((name, unit)) = self.settings.channel(&column.name).filter(|_| column.unit.is_none()) {
-                column.name = name.unwrap_or_else(|| column.name.clone());
-                column.unit = Some(unit);
+            if let Some((name, unit)) = self.settings.channel(&column.name) {
+                if column.unit.is_none() {
+                    column.name = name.unwrap_or_else(|| column.name.clone());
+                }
+                column.state(&unit, None, &mut self.contradiction);
             }
-            let stated = units.iter().find(|(at, _)| *at == i).map(|(_, unit)| unit);
-            column.unit = column.unit.take().or(stated.cloned());
+            // one unit for all is that of those whose names say no other quantity
+            let is_other = |unit: &str| {
+                kind_of_name(&column.name)
+                    .is_some_and(|kind| quantity_of_unit(unit).is_some_and(|q| q != quantity_of(kind)))
+            };
+            let stated = units.iter().find(|(at, unit)| *at == i && !is_other(unit)).map(|(_, unit)| unit);
+            if let Some(unit) = stated {
+                column.state(unit, None, &mut self.contradiction);
+            }
+            if self.settings.is_absolute()
+                && let Some(unit) =
+                    column.unit.as_mut().filter(|unit| pressure_unit("", unit).is_some_and(|(_, absolute)| !absolute))
+            {
+                unit.push_str(" abs");
+            }
             if let Some((_, name)) =
                 names.iter().find(|(at, _)| *at == i).filter(|_| column.name.is_empty() || is_nameless(&column.name))
             {
@@ -244,6 +268,22 @@ impl<'t> Layout<'t> {
             repairs.push(Repair::new("units", 1, Some(lines[units].at), "the line under the header holds units"));
         }
         repairs
+    }
+
+    /// Whether a line could head the columns of such a table.
+    pub(crate) fn is_heading(&self, line: &str) -> bool {
+        let cells = heading_cells(line, self.separator);
+        let words = cells.iter().filter(|c| Cell::of(c).is_word()).count();
+        words > 1 && 2 * words > cells.len() && self.late.is_heading(&cells, self.late.counts.len())
+    }
+
+    /// Whether a line has numbers where the rows have them, in half of its columns or more.
+    pub(crate) fn is_nearly_row(&self, line: &str) -> bool {
+        let row = cells(line, self.separator);
+        let numeric = |i: &usize| self.late.is_numeric(*i);
+        let columns = (0..self.late.counts.len()).filter(numeric).count();
+        let numbers = row.iter().enumerate().filter(|(i, c)| numeric(i) && Cell::of(c).is_number()).count();
+        row.len() >= self.expected && 2 * numbers >= columns && numbers > 0
     }
 
     /// Whether a line looks like the rows.
@@ -328,6 +368,13 @@ impl Late {
     /// Columns up to the last that holds anything.
     fn least(&self, width: usize) -> usize {
         (0..width).rev().find(|&i| !self.is_empty(i)).map_or(width, |last| last + 1)
+    }
+
+    /// Whether the first column numbers the rows, or names them.
+    fn is_numbering(&self, rows: &[Vec<Cow<'_, str>>]) -> bool {
+        let first: Vec<f64> = rows.iter().filter_map(|row| row.first()).map(|c| Cell::of(c).value()).collect();
+        let counts = first.windows(2).filter(|w| w[1] - w[0] == 1.0).count();
+        !self.is_numeric(0) || 10 * counts > 9 * first.len().saturating_sub(1)
     }
 
     /// Whether a column holds numbers.

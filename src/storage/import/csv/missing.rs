@@ -60,7 +60,7 @@ const WORDS: [&str; 48] = [
 ];
 
 /// Numbers that loggers write for no value: Campbell's, and the ends of a converter's range.
-const NUMBERS: [f64; 5] = [-7999.0, 7999.0, 6999.0, 32767.0, -32768.0];
+const NUMBERS: [f64; 8] = [-7999.0, 7999.0, 6999.0, 32767.0, -32768.0, 65535.0, 6553.5, 655.35];
 /// Instruments write 9.9E+37 (SCPI), or the largest number of four bytes.
 const ABOVE_ALL: f64 = 1e30;
 /// A number is far outside of the rest where it lies so many times their spread, and so many times their size, away from them.
@@ -129,15 +129,20 @@ pub(crate) fn take_sentinels(values: &mut [f64], lines: &[usize], spellings: &mu
         return;
     };
     let (spread, size) = (high - low, low.abs().max(high.abs()));
-    let reach = FAR * spread.max(size);
-    let is_far = |v: f64| v < low - reach || v > high + reach;
+    // what loggers are known to write needs only be outside of the rest
+    let is_far = |v: f64| {
+        let reach = if is_known(v) { spread.max(0.1 * size) } else { FAR * spread.max(size) };
+        v < low - reach || v > high + reach
+    };
     for value in values.iter().filter(|v| is_far(**v)) {
         *counts.entry(value.to_bits()).or_default() += 1;
     }
     // several such values are data of two levels
     let unknown: Vec<usize> =
         counts.iter().filter(|(bits, _)| !is_known(f64::from_bits(**bits))).map(|(_, n)| *n).collect();
-    let comes_again = unknown.len() == 1 && unknown[0] > 1 && spread > 0.0 && sorted.len() >= ENOUGH;
+    // a block of them on end is a clipped peak, or a state before another one
+    let runs = values.windows(2).filter(|w| is_far(w[1]) && w[0].to_bits() != w[1].to_bits()).count();
+    let comes_again = runs > 1 && unknown.len() == 1 && unknown[0] > 1 && spread > 0.0 && sorted.len() >= ENOUGH;
     let stands_for_none = |v: f64| is_known(v) || comes_again;
     for (value, line) in values.iter_mut().zip(lines) {
         if counts.contains_key(&value.to_bits()) && stands_for_none(*value) {

@@ -57,11 +57,6 @@ pub(crate) fn read(bytes: &[u8], options: &SourceOptions) -> Result<SourceFile, 
     repairs.extend(received);
     let mut layout = Layout::find(&all).ok_or((None, Box::new(CsvProblem::Empty)))?;
     let header_at = layout.names_at.map(|at| all[at].at);
-    if let Some((line, [column, first, second])) = layout.contradiction.take()
-        && !options.scales.iter().any(|(name, _)| *name == column || column.starts_with(name))
-    {
-        return Err((Some(line), Box::new(CsvProblem::TwoUnits { column, first, second })));
-    }
     let cut =
         is_cut_off(text, layout.separator).then(|| all.iter().rev().find(|l| is_row(l.text)).map(|l| l.at)).flatten();
     if all[layout.first..].iter().filter(|l| is_row(l.text) && Some(l.at) != cut).count() == 0
@@ -69,12 +64,23 @@ pub(crate) fn read(bytes: &[u8], options: &SourceOptions) -> Result<SourceFile, 
     {
         return Err((header_at.or(Some(all[layout.first].at)), Box::new(CsvProblem::HeaderOnly)));
     }
+    // what stands between the headings and the first row is no note
+    let above = all[..layout.first].iter().enumerate().rev().find(|(_, l)| is_row(l.text));
+    if let Some((_, line)) = above.filter(|(at, line)| !layout.headings.contains(at) && layout.is_nearly_row(line.text))
+    {
+        return Err((Some(line.at), Box::new(CsvProblem::NotARow)));
+    }
     let found = roles(&mut layout, options).map_err(|problem| (header_at, Box::new(problem)))?;
     repairs.extend(layout.repairs(&all));
     repairs.extend(found.repairs);
     let values: Vec<usize> =
         (0..layout.columns.len()).filter(|i| found.clocks.iter().any(|c| c.values.contains(i))).collect();
     layout.take_settings(&values);
+    if let Some((line, [column, first, second])) = layout.contradiction.take()
+        && !options.scales.iter().any(|(name, _)| *name == column || column.starts_with(name))
+    {
+        return Err((line.or(header_at), Box::new(CsvProblem::TwoUnits { column, first, second })));
+    }
     let names = distinct_names(&layout.columns, &mut repairs);
     let worded: Vec<&str> = found.words.iter().map(|&i| names[i].0.as_str()).filter(|n| !n.is_empty()).collect();
     if !worded.is_empty() {

@@ -9,6 +9,9 @@ use crate::storage::import::source::{Repair, counted, is_no_order};
 /// Part of the lines that may repeat a time: above it the times are written too coarsely to be of use.
 const MOST_REPEATED: f64 = 0.2;
 
+/// So many lines on end may be out of place.
+const LONGEST_DISPLACED: usize = 2;
+
 /// A wall clock jumps by so much when daylight saving time begins, s.
 const SAVED_S: f64 = 3600.0;
 
@@ -62,16 +65,19 @@ pub(crate) fn put_in_order(table: &mut Table, repairs: &mut Vec<Repair>, local: 
 fn displaced(table: &Table) -> Result<Option<(usize, usize)>, CsvFault> {
     let (mut latest, mut latest_line) = (f64::NEG_INFINITY, 0);
     let (mut count, mut first) = (0, None);
+    // lines that go on in an order of their own are no lines out of place: a clock was set back, or another run begins
+    let (mut run, mut longest) = (0, 0);
     for (&time_s, &line) in table.time_s.iter().zip(&table.line) {
         if time_s < latest {
-            count += 1;
+            (count, run) = (count + 1, run + 1);
+            longest = longest.max(run);
             first.get_or_insert((time_s, line, latest, latest_line));
         } else {
-            (latest, latest_line) = (time_s, line);
+            (latest, latest_line, run) = (time_s, line, 0);
         }
     }
     let Some((time_s, line, previous_s, previous_line)) = first else { return Ok(None) };
-    if is_no_order(count, table.time_s.len()) {
+    if longest > LONGEST_DISPLACED || is_no_order(count, table.time_s.len()) {
         let (time, previous) = (time_s.to_string(), previous_s.to_string());
         return Err((Some(line), Box::new(CsvProblem::TimeNotIncreasing { time, previous, previous_line })));
     }

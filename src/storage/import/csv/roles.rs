@@ -21,6 +21,8 @@ const LASTS_S: f64 = 7200.0;
 const LEAST_A_PERIOD: f64 = 20.0;
 /// Units that a time without one may have: name and seconds.
 const UNITS: [(&str, f64); 6] = [("s", 1.0), ("ms", 1e-3), ("d", 86_400.0), ("us", 1e-6), ("min", 60.0), ("ns", 1e-9)];
+/// No logger of a test waits longer between two samples, s.
+const LONGEST_STEP_S: f64 = 60.0;
 /// Times since 1970 lie between 2001 and 2100, s.
 const SINCE_1970_S: [f64; 2] = [1e9, 4.1e9];
 
@@ -73,6 +75,8 @@ enum Looks {
     Words,
     /// One and the same unit in every row.
     Unit(String),
+    /// Several: two of them.
+    Units(String, String),
     Stamps(Stamp),
     Numbers {
         even: bool,
@@ -103,6 +107,11 @@ fn looks_of(layout: &Layout<'_>, column: usize) -> Looks {
         Some((_, unit)) if is_known_unit(unit) && cells.iter().all(|(_, c)| c == unit) => {
             Looks::Unit((*unit).to_owned())
         }
+        // of several units no number has a known one
+        Some((_, unit)) if is_known_unit(unit) && cells.iter().all(|(_, c)| is_known_unit(c)) => Looks::Units(
+            (*unit).to_owned(),
+            cells.iter().find(|(_, c)| c != unit).map_or(String::new(), |(_, c)| (*c).to_owned()),
+        ),
         _ if words > numbers.max(stamps) => Looks::Words,
         _ if numbers + stamps == 0 && missing > 0 => Looks::Words,
         _ if stamps >= numbers => first().map_or(Looks::Words, Looks::Stamps),
@@ -116,10 +125,16 @@ fn looks_of(layout: &Layout<'_>, column: usize) -> Looks {
 /// A unit in a column of its own is that of the values on its left.
 fn take_unit_columns(layout: &mut Layout<'_>, looks: &[Looks]) {
     for i in 0..looks.len() {
+        let left = (0..i).rev().find(|&at| !matches!(looks[at], Looks::Unit(_) | Looks::Units(..) | Looks::Empty));
+        if let (Looks::Units(one, other), Some(column)) = (&looks[i], left) {
+            let heading = layout.columns[column].heading.clone();
+            layout.contradiction.get_or_insert((None, [heading, one.clone(), other.clone()]));
+        }
         let Looks::Unit(unit) = &looks[i] else { continue };
-        let left = (0..i).rev().find(|&at| !matches!(looks[at], Looks::Unit(_) | Looks::Empty));
         if let Some(column) = left.filter(|&at| matches!(looks[at], Looks::Numbers { .. })) {
-            layout.columns[column].unit.get_or_insert_with(|| unit.clone());
+            let mut found = layout.contradiction.take();
+            layout.columns[column].state(unit, None, &mut found);
+            layout.contradiction = found;
         }
     }
 }
@@ -195,14 +210,15 @@ impl Finder<'_, '_> {
         let host = self.stamps_clock(&stamps);
         let fraction = host.as_ref().and_then(|clock| clock.fraction.map(|(column, _)| column));
         // what is called a time is one, in whatever order its rows stand
-        let is_time = |i: usize| is_time_name(&self.column(i).name) || rises(self.values(i));
+        let changes = |i: usize| self.values(i).windows(2).any(|w| w[0] != w[1]) || self.values(i).len() < 2;
+        let is_time = |i: usize| changes(i) && (is_time_name(&self.column(i).name) || rises(self.values(i)));
         let device: Vec<usize> =
             self.numbers().filter(|&i| Some(i) != fraction && self.stated_unit(i).is_some() && is_time(i)).collect();
         let mut clocks = if let Some(rate_hz) = self.options.rate_hz {
             vec![self.counted(1.0 / rate_hz, host.as_ref(), None, &mut repairs)]
         } else if !device.is_empty() {
             self.device_clocks(&device, host.as_ref(), &mut repairs)
-        } else if let Some(clock) = self.since_1970() {
+        } else if let Some(clock) = self.since_1970().filter(|_| self.options.time_unit_s.is_none()) {
             vec![clock]
         } else if let Some(host) = host {
             match self.layout.settings.interval_s().filter(|_| self.repeats_stamps(&host)) {
@@ -250,14 +266,25 @@ impl Finder<'_, '_> {
             let right = (time + 1..self.looks.len()).find(|&i| self.looks[i] != Looks::Empty)?;
             let unit_s = self.fraction_unit(right)?;
             let fits = self.values(right).iter().all(|v| (0.0..1.0).contains(&(v * unit_s)));
-            (fits && !self.values(right).is_empty()).then_some((right, unit_s))
+            (fits && self.begins_anew(right, time)).then_some((right, unit_s))
         });
         Some(Clock { time: Some(time), form: Form::Stamps, date, fraction, values: Vec::new(), host: None })
+    }
+
+    /// Parts of a second fall where the second changes; what only rises across is a clock of its own.
+    fn begins_anew(&self, part: usize, time: usize) -> bool {
+        let rows: Vec<(&str, f64)> =
+            self.layout.column(time).zip(self.layout.column(part)).map(|(t, p)| (t, Cell::of(p).value())).collect();
+        let mut changes = rows.windows(2).filter(|w| w[0].0 != w[1].0).peekable();
+        !rows.is_empty() && (changes.peek().is_none() || changes.any(|w| w[1].1 < w[0].1))
     }
 
     /// Seconds of the unit of parts of a second: a column that is called by it, or in a line of units.
     fn fraction_unit(&self, i: usize) -> Option<f64> {
         let Column { name, unit, .. } = self.column(i);
+        if is_time_name(name) && unit_of_name(name).is_none() {
+            return None;
+        }
         let unit_s = unit_of_name(name).or_else(|| time_unit(name)).or_else(|| unit.as_deref().and_then(time_unit))?;
         (unit_s <= 1.0).then_some(unit_s)
     }
@@ -325,7 +352,8 @@ impl Finder<'_, '_> {
     /// Numbers of a size that only times since 1970 have.
     fn absolute(&self, i: usize, unit_s: f64) -> Option<Form> {
         let is_recent = self.values(i).iter().all(|v| (SINCE_1970_S[0]..SINCE_1970_S[1]).contains(&(v * unit_s)));
-        (is_recent && !self.values(i).is_empty()).then_some(Form::Since1970(unit_s))
+        let is_test = median_step(self.values(i)).is_none_or(|step| step * unit_s < LONGEST_STEP_S);
+        (is_recent && is_test && !self.values(i).is_empty()).then_some(Form::Since1970(unit_s))
     }
 
     fn form_since_1970(&self, i: usize) -> Option<Form> {
@@ -387,8 +415,12 @@ impl Finder<'_, '_> {
     fn counted(&self, interval_s: f64, host: Option<&Clock>, said: Option<String>, repairs: &mut Vec<Repair>) -> Clock {
         let rate = significant(1.0 / interval_s, 6);
         let by = said.map_or(String::new(), |said| format!(", as {said} says"));
+        // a counter counts what is missing, too
         let counts = |&i: &usize| {
-            self.values(i).windows(2).all(|w| w[1] - w[0] == 1.0) && self.values(i).len() > 1 && !self.is_quantity(i)
+            let steps = || self.values(i).windows(2).map(|w| w[1] - w[0]);
+            let ones = steps().filter(|step| *step == 1.0).count();
+            let whole = steps().all(|step| step >= 1.0 && step.fract() == 0.0);
+            whole && 20 * ones >= 19 * steps().count() && ones > 0 && !self.is_quantity(i)
         };
         let counter = self.numbers().find(counts).filter(|_| host.is_none());
         let text = match counter {
@@ -415,6 +447,10 @@ impl Finder<'_, '_> {
     fn guessed(&self, repairs: &mut Vec<Repair>) -> Result<Clock, CsvProblem> {
         let columns = self.time_columns();
         let first = columns.first().copied().ok_or_else(|| self.without_time())?;
+        // a unit that is stated and not understood is none to guess
+        if self.column(first).unit.is_some() {
+            return Err(self.without_time());
+        }
         let units = likely_units(self.values(first), self.options.period_s);
         let [unit] = units[..] else { return Err(self.without_time()) };
         let heading = &self.column(first).heading;
@@ -456,6 +492,10 @@ impl Finder<'_, '_> {
             .chain(fraction)
             .collect();
         let mut counters = Vec::new();
+        // of several, each may stand behind its values
+        let is_value = |i: usize| self.is_quantity(i) || self.is_given(i);
+        let is_behind =
+            clocks.len() > 1 && times.iter().all(|&time| time > 0 && is_value(time - 1)) && (0..times[0]).any(is_value);
         for i in (0..self.looks.len()).filter(|i| matches!(self.looks[*i], Looks::Numbers { .. }) && !parts.contains(i))
         {
             let counts = self.stated_unit(i).is_some()
@@ -466,9 +506,12 @@ impl Finder<'_, '_> {
                 counters.push(i);
                 continue;
             }
-            // times may stand behind their values
-            let left = clocks.iter().rposition(|c| c.time.is_some_and(|time| time < i));
-            clocks[left.unwrap_or(0)].values.push(i);
+            let nearest = if is_behind {
+                clocks.iter().position(|c| c.time.is_some_and(|time| time > i))
+            } else {
+                clocks.iter().rposition(|c| c.time.is_some_and(|time| time < i))
+            };
+            clocks[nearest.unwrap_or(0)].values.push(i);
         }
         counters
     }

@@ -1,5 +1,7 @@
 //! The rows of a table, read onto its clocks.
 
+use std::collections::BTreeSet;
+
 use crate::storage::error::{CsvFault, CsvProblem};
 use crate::storage::import::csv::cell::Cell;
 use crate::storage::import::csv::clock::Clock;
@@ -75,11 +77,13 @@ impl<'t> Rows<'_, 't> {
         let mut row = Row::default();
         let rows: Vec<Line<'t>> = self.lines[self.layout.first..].iter().copied().filter(|l| is_row(l.text)).collect();
         let segments = self.segments(&rows);
+        let mut ahead = segments.iter().peekable();
         for (i, line) in rows.iter().enumerate() {
             if self.cut == Some(line.at) {
                 break;
             }
-            if let Some(segment) = segments.iter().find(|s| (s.from..=s.names).contains(&i)) {
+            while ahead.next_if(|segment| segment.names < i).is_some() {}
+            if let Some(segment) = ahead.peek().filter(|segment| segment.from <= i) {
                 if segment.names == i {
                     left.headings.push(line.at);
                     timed.iter_mut().for_each(|t| t.clock.begin_segment(segment.late_s));
@@ -92,8 +96,12 @@ impl<'t> Rows<'_, 't> {
                 .iter()
                 .enumerate()
                 .filter_map(|(i, c)| Some((i, c.suffix.as_ref()?)))
-                .for_each(|(i, unit)| row.take_suffix(i, unit));
+                .try_for_each(|(i, unit)| self.without_unit(&mut row, i, unit))
+                .map_err(|problem| (Some(line.at), Box::new(problem)))?;
             if self.is_remark(&row, timed) {
+                if self.layout.is_heading(line.text) {
+                    return Err((Some(line.at), Box::new(CsvProblem::AnotherTable)));
+                }
                 left.remarks.push(line.at);
                 continue;
             }
@@ -159,10 +167,21 @@ impl<'t> Rows<'_, 't> {
         Ok(())
     }
 
+    /// Takes the unit off that stands behind each number of a column; a number without it is in an unknown one.
+    fn without_unit(&self, row: &mut Row<'_>, place: usize, unit: &str) -> Result<(), CsvProblem> {
+        let cell = row.get(place).unwrap_or_default();
+        if Cell::of(cell).is_number() && !cell.ends_with(unit) {
+            let column = self.layout.columns[place].heading.clone();
+            return Err(CsvProblem::NoUnit { column, cell: cell.to_owned(), unit: unit.to_owned() });
+        }
+        row.take_suffix(place, unit);
+        Ok(())
+    }
+
     /// Some loggers write their headings anew with every block, and above them when it began.
     fn segments(&self, rows: &[Line<'t>]) -> Vec<Segment> {
         let headings = &self.layout.headings;
-        let again: Vec<usize> =
+        let again: BTreeSet<usize> =
             (0..rows.len()).filter(|&i| headings.iter().any(|&at| self.lines[at].text == rows[i].text)).collect();
         let options = SourceOptions::default();
         let began = |settings: &Settings| settings.start(&options).map(|(start, _)| start.unix_ns);
@@ -191,7 +210,7 @@ impl<'t> Rows<'_, 't> {
         let first = row.iter().find(|c| !c.is_empty()).unwrap_or_default();
         let summary = SUMMARIES.contains(&first.trim_end_matches([':', '.']).to_lowercase().as_str());
         let has_time = timed.iter().any(|t| t.clock.is_timed(row));
-        summary || (!has_time && Cell::of(first).is_word() && filled().all(Cell::is_word))
+        !has_time && Cell::of(first).is_word() && (summary || filled().all(Cell::is_word))
     }
 }
 

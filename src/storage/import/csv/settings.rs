@@ -100,12 +100,16 @@ impl Setting {
     /// the first column or before it.
     fn by_column(&self, width: usize, values: &[usize]) -> Vec<(usize, String)> {
         let cells = || self.cells.iter().map(|c| c.trim()).enumerate().filter(|(_, c)| !c.is_empty());
+        // a unit of time is that of the times: the line goes by the columns
+        let by_place = cells().any(|(_, cell)| time_unit(cell).is_some());
         let owned = |(i, cell): (usize, &str)| (i, cell.to_owned());
         match cells().count() {
             1 if values.len() > 1 => {
                 cells().flat_map(|(_, cell)| values.iter().map(move |v| owned((*v, cell)))).collect()
             }
-            n if n == values.len() => values.iter().zip(cells()).map(|(v, (_, cell))| owned((*v, cell))).collect(),
+            n if n == values.len() && !by_place => {
+                values.iter().zip(cells()).map(|(v, (_, cell))| owned((*v, cell))).collect()
+            }
             _ => {
                 let shift = usize::from(self.cells.len() != width);
                 cells().map(|(i, cell)| owned((i + shift, cell))).filter(|(i, _)| *i < width).collect()
@@ -164,27 +168,25 @@ impl Settings {
                 None => (RATES.iter().position(|k| *k == key)?, true),
             };
             let first = setting.cells.first()?;
-            let end = first.find(|c: char| !(c.is_ascii_digit() || "+-.,eE".contains(c))).unwrap_or(first.len());
-            // the `E` of a unit belongs to no number
-            let number = first[..end].trim_end_matches(['e', 'E']).trim();
             // `00:00:00.001000` is a time, too
             if first.contains(':') && !is_rate {
                 let time = Stamp::parse(first, Order::Unknown).filter(|s| !s.has_date && !s.in_hour)?;
                 return Some((time.seconds_of_day(), format!("'{} {first}'", setting.name)));
             }
-            let value = Numbers::new(';', None).read(number, "").ok()?;
+            let (number, rest) = number_of(first);
             let behind = setting.cells.get(1).map_or("", |c| c.trim());
-            let unit =
-                [first[end..].trim(), unit.as_str(), behind].into_iter().find(|u| !u.is_empty() && scale(u).is_some());
-            let stated = match (unit.and_then(scale), is_rate) {
-                (Some(scale), _) => scale,
-                (None, true) => Scale::Rate(1.0),
-                (None, false) => Scale::Interval(Some(1.0).filter(|_| place < IN_SECONDS)?),
+            // what stands behind a number and is no unit that is known states nothing
+            let stated = [rest, unit.as_str(), behind].into_iter().find(|u| !u.is_empty());
+            let scale = match stated {
+                Some(unit) if unit == behind => scale(unit).or_else(|| usual(is_rate, place))?,
+                Some(unit) => scale(unit)?,
+                None => usual(is_rate, place)?,
             };
-            let interval_s = match stated {
+            let interval = |value: f64| match scale {
                 Scale::Interval(unit_s) => value * unit_s,
                 Scale::Rate(unit_hz) => 1.0 / (value * unit_hz),
             };
+            let interval_s = numbers_of(number).into_iter().map(interval).find(|s| PLAUSIBLE_S.contains(s))?;
             (interval_s.is_finite() && interval_s > 0.0)
                 .then(|| (interval_s, format!("'{} {}'", setting.name, setting.cells.join(" ").trim())))
         })
@@ -232,6 +234,15 @@ impl Settings {
         Some((cell(place(&NAMES)), unit))
     }
 
+    /// Whether a line says that pressures count from the vacuum: `Pressure type: absolute`, `Reference;absolute;absolute`.
+    pub(crate) fn is_absolute(&self) -> bool {
+        let keyed = |s: &&Setting| {
+            ["reference", "pressuretype", "type", "mode", "pressuremode", "bezug", "druckart"].contains(&s.key.as_str())
+        };
+        let says = |cell: &String| ["absolute", "absolut", "abs"].contains(&cell.trim().to_lowercase().as_str());
+        self.all.iter().filter(keyed).any(|s| s.cells.iter().any(says))
+    }
+
     /// Wall-clock time of time 0, and a remark on it, that a line gives: `start: 2026-03-14T09:26:53.5Z`, or a date and a time in two lines, as
     /// LabVIEW writes them. Of several the last holds, the one nearest to the table.
     pub(crate) fn start(&self, options: &SourceOptions) -> Option<(Start, Repair)> {
@@ -254,6 +265,35 @@ impl Settings {
         let text = format!("time 0 is the start that the file gives, {text}{zone}");
         Some((Start { unix_ns: ns, digit_s: stamp.digit_s }, Repair::new(START, 1, None, text)))
     }
+}
+
+/// Steps of the records of a test, s.
+const PLAUSIBLE_S: std::ops::RangeInclusive<f64> = 1e-7..=60.0;
+
+/// What a number without a unit is: a rate in Hz; an interval in seconds where oscilloscopes or LabVIEW write it.
+fn usual(is_rate: bool, place: usize) -> Option<Scale> {
+    if is_rate { Some(Scale::Rate(1.0)) } else { Some(Scale::Interval(1.0)).filter(|_| place < IN_SECONDS) }
+}
+
+/// A number and what stands behind it; between its digits may stand marks, blanks and apostrophes.
+fn number_of(cell: &str) -> (&str, &str) {
+    let is_part = |c: char| c.is_ascii_digit() || "+-.,'eE ".contains(c);
+    let end = cell.find(|c: char| !is_part(c)).unwrap_or(cell.len());
+    // the `E` of a unit belongs to no number
+    let number = cell[..end].trim_end_matches(['e', 'E', ' ']);
+    (number, cell[number.len()..].trim())
+}
+
+/// What a number may be: `1,000` has a decimal comma, or a thousand.
+fn numbers_of(number: &str) -> Vec<f64> {
+    let read = |thousands| Numbers::new(';', thousands).read(number, "").ok().filter(|v| v.is_finite());
+    let grouped = number.contains(',').then(|| read(Some(','))).flatten();
+    // a rate of one sample a second is none of a test
+    let mut all: Vec<f64> = read(None).into_iter().chain(grouped).collect();
+    if number.ends_with(",000") {
+        all.reverse();
+    }
+    all
 }
 
 /// What a unit makes of a number.
@@ -299,13 +339,17 @@ mod tests {
             ("Sampling Rate = 2 kHz", 5e-4),
             ("Abtastrate,2000", 5e-4),
             ("Scan rate,1000,samples/s", 1e-3),
+            ("Sample rate: 1'000 Hz", 1e-3),
+            ("Sample rate: 1 000 Hz", 1e-3),
             ("Scan Interval,00:00:00.001000", 1e-3),
             ("Delta              : 0.001 sec.", 1e-3),
         ] {
             let (found, said) = settings(&[line]).interval_s().unwrap_or_else(|| panic!("{line}"));
             assert!((found / interval_s - 1.0).abs() < 1e-12 && said.starts_with('\''), "{line}: {found}");
         }
-        for line in ["Sampling interval,1", "Baud rate,9600", "Interval,none", "Trigger Point,1.0e+01"] {
+        for line in
+            ["Sampling interval,1", "Baud rate,9600", "Interval,none", "Trigger Point,1.0e+01", "Rate,60000 /min"]
+        {
             assert!(settings(&[line]).interval_s().is_none(), "{line}");
         }
     }

@@ -12,6 +12,9 @@ use crate::storage::import::source::{Repair, SourceOptions};
 /// Bytes, or lines with other letters than ASCII, by which an encoding is judged.
 const JUDGED: usize = 4096;
 
+/// The signs of units in the pages of western Europe: `°`, `µ`, `²`, `³`, `±`.
+const UNIT_SIGNS: [u8; 5] = [0xb0, 0xb5, 0xb2, 0xb3, 0xb1];
+
 /// A longer line is none of a table, bytes.
 const LONGEST_LINE: usize = 16 << 20;
 
@@ -114,6 +117,11 @@ fn utf16(bytes: &[u8]) -> Option<&'static Encoding> {
 fn guessed(bytes: &[u8]) -> (&'static Encoding, String) {
     // Each line with letters beyond ASCII counts once, or a column of one sign would outvote the words.
     let lines: BTreeSet<&[u8]> = bytes.split(|b| *b == b'\n').filter(|line| !line.is_ascii()).collect();
+    // signs of units alone are no words by which a page can be told
+    let is_sign = |b: &u8| b.is_ascii() || UNIT_SIGNS.contains(b);
+    if lines.iter().all(|line| line.iter().all(is_sign)) {
+        return (WINDOWS_1252, WINDOWS_1252.decode_without_bom_handling(bytes).0.into_owned());
+    }
     let mut detector = EncodingDetector::new(Iso2022JpDetection::Deny);
     for line in lines.into_iter().take(JUDGED) {
         detector.feed(line, false);
