@@ -81,7 +81,7 @@ pub(crate) fn same_unit(a: &str, b: &str) -> bool {
         let pressure = pressure_unit("", text);
         pressure.or_else(|| quantities.iter().find_map(|q| spelled_unit(text, *q)).map(|unit| (unit, false)))
     };
-    a.eq_ignore_ascii_case(b) || of(a) == of(b)
+    a.eq_ignore_ascii_case(b) || (is_electric(a) && is_electric(b)) || of(a).is_some_and(|unit| of(b) == Some(unit))
 }
 
 /// What a logger measures before a transducer's line makes a pressure of it: volts or milliamperes.

@@ -76,7 +76,9 @@ pub(crate) fn header_unit(heading: &str) -> Option<(String, String)> {
     if let Some((name, unit)) = &bracketed
         && is_known_unit(unit)
     {
-        return bracketed.clone().map(|_| (name.clone(), unit.clone()));
+        return Some(with_factor(name, unit, |word| {
+            is_factor(word) && !word.starts_with(|c: char| c.is_ascii_digit())
+        }));
     }
     // what stands in brackets may be a remark
     let rest = bracketed.as_ref().map_or(heading.as_str(), |(name, _)| name);
@@ -135,15 +137,21 @@ fn known_behind(heading: &str) -> Option<(String, String)> {
         if name.is_empty() || is_letter || !is_word_unit(name, unit) {
             return None;
         }
-        // a factor belongs to the unit, and makes an unknown one of it
-        let factor = name.rfind(is_mark).map_or(0, |at| at + 1);
-        match is_factor(&name[factor..]) && factor > 0 {
-            true => Some((name[..factor].trim_end_matches(is_mark).to_owned(), format!("{} {unit}", &name[factor..]))),
-            false => Some((name.to_owned(), unit.to_owned())),
-        }
+        Some(with_factor(name, unit, is_factor))
     });
     // `Q L/min` is no minute
     last.or_else(|| listed("/"))
+}
+
+/// Name and unit: a factor before a unit belongs to it, and makes an unknown one of it.
+fn with_factor(name: &str, unit: &str, is_factor: impl Fn(&str) -> bool) -> (String, String) {
+    let begins = name.char_indices().rev().find(|(_, c)| matches!(c, '_' | ' ' | '-' | '/' | '*' | '('));
+    let at = begins.map_or(0, |(at, c)| if matches!(c, '/' | '*') { at } else { at + c.len_utf8() });
+    let (before, word) = (name[..at].trim_end_matches(['_', ' ', '-', '(']), &name[at..]);
+    match is_factor(word) && !before.is_empty() {
+        true => (before.to_owned(), format!("{} {unit}", word.trim_end_matches(')'))),
+        false => (name.to_owned(), unit.to_owned()),
+    }
 }
 
 /// `x10`, `0.01`, `10^5`, `*100`, `/10`: what makes another unit of the one behind it.
@@ -273,6 +281,10 @@ mod tests {
             ("101 (VDC)", "101", "VDC"),
             ("101 (bar)- Valve", "101 Valve", "bar"),
             ("P1 (furlong)", "P1", "furlong"),
+            ("Channel 10 (bar)", "Channel 10", "bar"),
+            ("Valve x10 bar", "Valve", "x10 bar"),
+            ("Valve (x10) (bar)", "Valve", "x10 bar"),
+            ("Valve/10 bar", "Valve", "/10 bar"),
             ("Time (ms)", "Time", "ms"),
             ("Time_ms_", "Time", "ms"),
             ("t/us", "t", "us"),

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use crate::rig::quantity_of;
 use crate::storage::import::csv::cell::{Cell, with_unit};
-use crate::storage::import::csv::heading::{header_unit, is_date_name, is_known_unit, is_time_name};
+use crate::storage::import::csv::heading::{header_unit, is_date_name, is_known_unit, is_time_name, time_unit};
 use crate::storage::import::csv::lines::Line;
 use crate::storage::import::csv::row::{Row, is_row};
 use crate::storage::import::csv::settings::{Settings, is_key};
@@ -41,7 +41,7 @@ impl Column {
     pub(crate) fn state(&mut self, unit: &str, line: Option<usize>, found: &mut Option<Contradiction>) {
         match &self.unit {
             None => self.unit = Some(unit.to_owned()),
-            Some(own) if is_known_unit(own) && is_known_unit(unit) && !same_unit(own, unit) => {
+            Some(own) if is_known_unit(own) && is_known_unit(unit) && differ(own, unit) => {
                 found.get_or_insert((line, [self.heading.clone(), own.clone(), unit.to_owned()]));
             }
             Some(_) => {}
@@ -54,6 +54,14 @@ impl Column {
             Some((name, unit)) => Column { heading, name, unit: Some(unit), suffix: None },
             None => Column { name: heading.clone(), heading, unit: None, suffix: None },
         }
+    }
+}
+
+/// Whether two known units, of times or of other quantities, are not the same.
+fn differ(one: &str, other: &str) -> bool {
+    match (time_unit(one), time_unit(other)) {
+        (None, None) => !same_unit(one, other),
+        (one, other) => one != other,
     }
 }
 
@@ -162,6 +170,10 @@ impl<'t> Layout<'t> {
                     Cell::Number(_) if late.is_empty(i) => {
                         settings.take_under(&column.heading, &cell);
                         settled.push(i);
+                    }
+                    // under a unit it says that the pressure counts from the vacuum
+                    Cell::Word if ["abs", "absolute", "absolut"].contains(&cell.to_lowercase().as_str()) => {
+                        column.unit.iter_mut().for_each(|unit| unit.push_str(" abs"));
                     }
                     Cell::Word if column.heading.is_empty() && !is_known_unit(without_brackets(&cell)) => {
                         *column = Column::of(&cell)

@@ -92,9 +92,15 @@ pub(crate) fn read(bytes: &[u8], options: &SourceOptions) -> Result<SourceFile, 
         let text = format!("no sensors, for they count samples or give the times once more: {}", counting.join(", "));
         repairs.push(Repair::new("counters", counting.len(), None, text));
     }
-    let numeric = found.clocks.iter().filter_map(|c| c.time).chain(values.iter().copied());
-    let mark = numeric.into_iter().find_map(|i| thousands(layout.column(i)));
+    let mark = found.clocks.iter().filter_map(|c| c.time).find_map(|i| thousands(layout.column(i)));
     let mut numbers = Numbers::new(layout.separator, mark);
+    // what the times show holds for all; of values, columns of one unit are written alike
+    let alike = |i: usize, j: usize| {
+        i == j || (layout.columns[i].unit.is_some() && layout.columns[i].unit == layout.columns[j].unit)
+    };
+    let own = |i: usize| {
+        values.iter().filter(|j| alike(i, **j)).find_map(|j| thousands(layout.column(*j))).filter(|_| mark.is_none())
+    };
     let mut timed = Vec::new();
     for columns in &found.clocks {
         let shown = |i: usize| layout.column(i).find(|c| !c.is_empty());
@@ -104,7 +110,9 @@ pub(crate) fn read(bytes: &[u8], options: &SourceOptions) -> Result<SourceFile, 
         };
         let clock = Clock::new(columns.clone(), &layout.columns, shown, all_dates, options)
             .map_err(|p| (header_at, Box::new(p)))?;
-        timed.push(Timed::new(clock, columns.values.clone()));
+        let grouped =
+            columns.values.iter().map(|&i| own(i).map(|mark| Numbers::new(layout.separator, Some(mark)))).collect();
+        timed.push(Timed::new(clock, columns.values.clone(), grouped));
     }
     let mut spellings = Spellings::default();
     let rows = Rows { layout: &layout, lines: &all, cut };
@@ -113,7 +121,8 @@ pub(crate) fn read(bytes: &[u8], options: &SourceOptions) -> Result<SourceFile, 
     let mut tracks: Vec<(usize, Track)> = Vec::new();
     let mut start: Option<Start> = None;
     let many = timed.len() > 1;
-    for Timed { mut clock, mut table, timeless, values } in timed {
+    for Timed { mut clock, mut table, timeless, values, grouped } in timed {
+        repairs.extend(grouped.iter().flatten().flat_map(Numbers::repairs));
         if table.time_s.is_empty() {
             continue;
         }

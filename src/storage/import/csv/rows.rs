@@ -44,12 +44,14 @@ pub(crate) struct Timed {
     pub(crate) table: Table,
     pub(crate) timeless: Timeless,
     pub(crate) values: Vec<usize>,
+    /// Readers of those that have a mark between their thousands.
+    pub(crate) grouped: Vec<Option<Numbers>>,
 }
 
 impl Timed {
-    pub(crate) fn new(clock: Clock, values: Vec<usize>) -> Timed {
+    pub(crate) fn new(clock: Clock, values: Vec<usize>, grouped: Vec<Option<Numbers>>) -> Timed {
         let table = Table { columns: vec![Vec::new(); values.len()], ..Table::default() };
-        Timed { clock, table, timeless: Timeless::default(), values }
+        Timed { clock, table, timeless: Timeless::default(), values, grouped }
     }
 }
 
@@ -153,10 +155,10 @@ impl<'t> Rows<'_, 't> {
             timed.table.time_s.push(time_s);
             timed.table.line.push(line);
         }
-        for (&i, column) in timed.values.iter().zip(&mut timed.table.columns) {
+        for ((&i, column), grouped) in timed.values.iter().zip(&mut timed.table.columns).zip(&mut timed.grouped) {
             let cell = row.get(i).unwrap_or_default();
             // what has no time must be numbers all the same: a row of units is no line of samples
-            let value = numbers.read(cell, &columns[i].heading)?;
+            let value = grouped.as_mut().unwrap_or(numbers).read(cell, &columns[i].heading)?;
             if is_missing(value) {
                 spellings.count(cell, line);
             }

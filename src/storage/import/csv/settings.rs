@@ -111,7 +111,9 @@ impl Setting {
                 values.iter().zip(cells()).map(|(v, (_, cell))| owned((*v, cell))).collect()
             }
             _ => {
-                let shift = usize::from(self.cells.len() != width);
+                // a unit of time in the first cell is that of the first column
+                let is_first = self.cells.first().is_some_and(|cell| time_unit(cell).is_some());
+                let shift = usize::from(self.cells.len() != width && !is_first);
                 cells().map(|(i, cell)| owned((i + shift, cell))).filter(|(i, _)| *i < width).collect()
             }
         }
