@@ -146,8 +146,9 @@ pub enum Amiss {
     Open(&'static str),
     /// No column is a pressure.
     #[error(
-        "no column looks like a pressure; the columns are {}. Give the place of the one that is, as in option `sensor '{first}=12.5'`; of a column of \
-         volts or milliamperes give the ranges, too, as in option `scale '{first}=1..5 -> 0..10 bar'` (or its line, '{first}=2.5*x-2.5 bar')",
+        "no column looks like a pressure; the columns are {}. Of one that is, give the ranges where it is in volts or milliamperes, as in \
+         option `scale '{first}=1..5 -> 0..10 bar'` (or its line, '{first}=2.5*x-2.5 bar'), and otherwise its place and its unit, as in \
+         option `sensor '{first}=12.5'` and option `unit bar`",
         .columns.join(", "), first = .columns.first().map_or("NAME", String::as_str)
     )]
     NoPressure {

@@ -15,7 +15,7 @@ use crate::rig::check::{Level, check};
 use crate::rig::draft::{Draft, Told};
 use crate::rig::sizes::{EXAMPLES, pipe_size};
 use crate::rig::{Rig, SensorKind, quantity_of, spelled_unit};
-use crate::storage::import::{Line, Repair, SourceFile, SourceOptions};
+use crate::storage::import::{Line, Repair, SourceFile, SourceOptions, is_electric};
 use crate::units::{Quantity, Unit};
 
 /// What a person has written; a field that was left empty is an empty text.
@@ -192,7 +192,12 @@ impl Form {
             }
             let kind = said.kinds.iter().find(|(name, _)| *name == track.name).map(|(_, kind)| *kind);
             let kind = kind.or_else(|| Some(meant(track, &said)?.0));
-            let line = taken(&column.unit, &format!("columns.{i}.unit"), |text| line_of(text, kind), remarks);
+            let line = taken(
+                &column.unit,
+                &format!("columns.{i}.unit"),
+                |text| line_of(text, kind, track.unit.as_deref()),
+                remarks,
+            );
             said.source.scales.extend(line.map(|line| (track.name.clone(), line)));
         }
         said
@@ -292,14 +297,17 @@ impl Form {
     }
 }
 
-/// The line of a column of a kind: a unit, or what a transducer's numbers stand for.
-fn line_of(text: &str, kind: Option<SensorKind>) -> Result<Line, String> {
+/// The line of a column of a kind: a unit, or what a transducer's numbers stand for. Volts are no pressure without one.
+fn line_of(text: &str, kind: Option<SensorKind>, written: Option<&str>) -> Result<Line, String> {
     let quantity = kind.map(quantity_of);
     if quantity == Some(Quantity::Ratio) {
         let unit = spelled_unit(text, Quantity::Ratio).ok_or_else(|| format!("'{text}': write 1 or %"))?;
         return Ok(Line { scale: 1.0, offset: 0.0, unit: Some(unit) });
     }
     let line: Line = text.parse()?;
+    if let Some(volts) = written.filter(|unit| is_electric(unit) && line.is_unit_alone()) {
+        return Err(format!("the column is in {volts}: write the ranges of its transducer, such as 1..5 -> 0..10 bar"));
+    }
     let unit = line.unit.ok_or_else(|| format!("'{text}': write the unit of the result behind it, such as bar"))?;
     match kind {
         Some(kind) if quantity != Some(unit.quantity) => Err(format!("{unit} is no unit of a {}", kind.name())),

@@ -205,7 +205,12 @@ impl Done {
             let line = report.repair.line.map(|l| format!(":{l}")).unwrap_or_default();
             tell!("{}{line}: {}", report.file.shown(), report.repair.text);
         }
-        clocks.iter().skip(1).for_each(|clock| tell!("{clock}"));
+        for clock in clocks.iter().skip(1) {
+            match clock.events {
+                0 => tell!("{}: a part of one record, put in its place by its times", clock.file.shown()),
+                _ => tell!("{clock}"),
+            }
+        }
         left_out.iter().for_each(|text| tell!("{text}"));
         // What contradicts the rig is cheapest to mend here.
         let doubts = inspect(&used).map_or(Vec::new(), |features| doubts(&used.rig, &features));

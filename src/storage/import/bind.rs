@@ -7,7 +7,7 @@ use crate::recording::{Recording, RunInfo, Series};
 use crate::rig::check::ATMOSPHERE_PA;
 use crate::rig::{Rig, Sensor, SensorKind, quantity_of, spelled_unit};
 use crate::storage::error::{CsvProblem, LogError};
-use crate::storage::import::kinds::{Known, guessed, pressure_unit};
+use crate::storage::import::kinds::{Known, guessed, is_electric, pressure_unit};
 use crate::storage::import::source::{Repair, SourceFile, SourceOptions, Track};
 use crate::storage::nearest::{listed, nearest};
 use crate::storage::sink::program;
@@ -199,7 +199,9 @@ pub fn require_sensors(parts: &[&Recording], rig: &Rig, without: &[String]) -> R
 /// Brings the numbers of a track to the unit of the line that the user gives, or to the sensor's; whether there is one.
 fn scale(track: &mut Track, sensor: &Sensor, options: &SourceOptions) -> bool {
     let given = options.scales.iter().find(|(name, _)| track.is_called(name) || *name == sensor.name);
-    if let Some((_, line)) = given {
+    // volts stay volts until a line makes something else of them
+    let volts = track.unit.as_deref().is_some_and(is_electric);
+    if let Some((_, line)) = given.filter(|(_, line)| !(volts && line.is_unit_alone())) {
         track.series.value.iter_mut().for_each(|v| *v = line.scale * *v + line.offset);
         track.unit = line.unit.map(|unit| unit.symbol.to_owned());
     }

@@ -186,6 +186,13 @@ pub struct Line {
     pub unit: Option<Unit>,
 }
 
+impl Line {
+    /// Whether it changes no number, but says its unit.
+    pub(crate) fn is_unit_alone(&self) -> bool {
+        self.scale == 1.0 && self.offset == 0.0
+    }
+}
+
 impl FromStr for Line {
     type Err = String;
 
