@@ -123,11 +123,13 @@ pub(crate) fn take_sentinels(values: &mut [f64], lines: &[usize], spellings: &mu
     let mut counts: BTreeMap<u64, usize> = BTreeMap::new();
     let mut sorted: Vec<f64> = values.iter().copied().filter(|v| !v.is_nan() && !is_known(*v)).collect();
     sorted.sort_by(f64::total_cmp);
+    // a value that stands for none is the least or the largest, however often it comes: the spread is that of the others
+    if let (Some(&least), Some(&most), true) = (sorted.first(), sorted.last(), sorted.len() >= ENOUGH) {
+        sorted.retain(|v| *v != least && *v != most);
+    }
+    let Some(last) = sorted.len().checked_sub(1) else { return };
     // The middle nine tenths, in which no few strays count.
-    let (Some(low), Some(high)) = (sorted.get(sorted.len() / 20), sorted.get(sorted.len() - 1 - sorted.len() / 20))
-    else {
-        return;
-    };
+    let (low, high) = (sorted[last / 20], sorted[last - last / 20]);
     let (spread, size) = (high - low, low.abs().max(high.abs()));
     // what loggers are known to write needs only be outside of the rest
     let is_far = |v: f64| {
