@@ -46,11 +46,11 @@ pub struct Form {
     pub flow: String,
     /// How the file is read.
     pub reading: Reading,
-    /// The columns of which something is said.
+    /// What the person answers about columns.
     pub columns: Vec<Column>,
 }
 
-/// What is said of a column.
+/// What the person answers about a column.
 #[derive(Debug, Clone, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Column {
@@ -64,7 +64,7 @@ pub struct Column {
     pub place: String,
 }
 
-/// A column as it is understood with what is said.
+/// A column as the reader understands it with these answers.
 #[derive(Debug, Clone, Default)]
 pub struct Seen {
     /// What it measures; none where it is no sensor.
@@ -172,7 +172,7 @@ impl Form {
         self.columns.iter().find(|column| column.column == name).cloned().unwrap_or_default()
     }
 
-    /// What is said of the columns.
+    /// The answers about the columns.
     fn said(&self, file: &SourceFile, remarks: &mut Vec<Remark>) -> Said {
         let mut said = Said { source: self.reading.options(remarks), ..Said::default() };
         for (i, track) in file.tracks.iter().enumerate() {

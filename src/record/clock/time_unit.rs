@@ -6,7 +6,7 @@ use crate::rig::TimeUnit;
 const MOST: usize = 64;
 /// Two that are nearer to each other than this are one, ns; more where there are many.
 const FIRST_SPACING_NS: i64 = 1_000_000;
-/// Nothing is said of a shorter stretch while the device goes on, ns: what was in a buffer when its port was opened comes at once.
+/// The recorder judges no shorter stretch while the device goes on, ns: what was in a buffer when its port was opened comes at once.
 const SHORTEST_NS: i64 = 2_000_000_000;
 /// Nor of fewer arrivals.
 const FEWEST: usize = 8;

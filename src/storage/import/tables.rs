@@ -14,7 +14,7 @@ use crate::storage::nearest::listed;
 pub(crate) struct Tables {
     /// Name and text of each table, its columns separated by tabs. Each has times of its own.
     pub texts: Vec<(String, String)>,
-    /// What is said about them.
+    /// What the reader repaired or left out.
     pub repairs: Vec<Repair>,
     /// What is no table that can be read: its name, and why.
     pub left_out: Vec<(String, String)>,

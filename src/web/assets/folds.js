@@ -1,4 +1,4 @@
-// The panels around the charts fold and resize: each has a bar at its edge, with a button that folds it. A browser keeps what it was told.
+// The panels around the charts fold and resize: each has a bar at its edge, with a button that folds it. The browser remembers the choice.
 
 import { at, h } from "/assets/dom.js";
 

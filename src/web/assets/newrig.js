@@ -51,7 +51,7 @@ const kept = () => `new rig ${table}`;
 const columnsSaid = () => Object.entries(answers.columns || {}).map(([column, said]) => ({ column, ...said }));
 const form = () => ({ ...answers, columns: columnsSaid() });
 
-// Beside a field: what is wrong with it, what is missing, what is taken where nothing is said.
+// Beside a field: what is wrong with it, what is missing, what is taken where the person writes nothing.
 function field(key, label, input) {
   const remark = h("p", { class: "remark", id: `remark-${key}`, hidden: true });
   input.setAttribute("aria-describedby", remark.id);
@@ -219,7 +219,7 @@ async function make() {
     await look();
     const wanting = new Set(found.remarks.filter((remark) => remark.weight !== "assumed").map((remark) => remark.field));
     if (wanting.size) {
-      // no column is a pressure: that is said of all, and mended at the first
+      // no column is a pressure: the remark is about all columns, and the first is where to mend it
       const first = [...fields].find(([key, { input }]) => input && wanting.has(key)) || [...fields].find(([, { input }]) => input?.dataset.key.endsWith(".is"));
       first?.[1].input.focus();
       return;

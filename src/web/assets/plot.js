@@ -64,7 +64,7 @@ function limits(panel, residual, low, high) {
   return [-1.05 * most, 1.05 * most];
 }
 
-// What uPlot is told. `span` is what all charts show, `zoom` changes it.
+// The options of uPlot. `span` is what all charts show, `zoom` changes it.
 function options(panel, residual, { span, zoom }, series) {
   const axis = { stroke: () => colour("--text-2"), grid: { stroke: () => colour("--line"), width: 1 }, ticks: { show: false } };
   const hooks = {

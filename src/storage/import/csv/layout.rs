@@ -166,7 +166,7 @@ impl<'t> Layout<'t> {
         for &at in headings.iter().filter(|at| Some(**at) != names_at) {
             for ((column, cell), i) in columns.iter_mut().zip(cells_at(at)).zip(0..) {
                 match Cell::of(&cell) {
-                    // a column without values holds what is said once
+                    // a column without values holds a setting, once
                     Cell::Number(_) if late.is_empty(i) => {
                         settings.take_under(&column.heading, &cell);
                         settled.push(i);

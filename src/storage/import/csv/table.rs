@@ -14,7 +14,7 @@ pub(crate) struct Table {
 }
 
 /// The samples of a column, and the gaps in it: only one that is sampled on both sides of a hole has lost something in it, and so it has where a
-/// value is said to be missing.
+/// cell says that its value is missing.
 pub(crate) fn column_series(time_s: &[f64], values: &[f64], holes: &[Hole]) -> Series {
     let present = || time_s.iter().zip(values).filter(|(_, v)| !v.is_nan());
     let lost = holes.iter().filter(|h| !values[h.before].is_nan() && !values[h.before + 1].is_nan());
