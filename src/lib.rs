@@ -1,10 +1,10 @@
 //! surgescope records valve-closure (water-hammer) tests, models them, calibrates the model and shows which physics it lacks.
 //!
-//! The front door is [`Study`]: it opens recordings, calibrates models, diagnoses what they lack and grows them.
+//! The front door is [`Study`]: it opens recordings, calibrates models, diagnoses what they lack and grows them;
+//! [`UntilDone`](study::until_done::UntilDone) goes on until nothing is missing.
 //!
 //! ```no_run
 //! use surgescope::Study;
-//! use surgescope::diagnose::Verdict;
 //!
 //! // recordings of one rig: read, inspected, prepared
 //! let study = Study::open(["recordings/hdpe-creep.mcap"])?;
@@ -13,14 +13,11 @@
 //! }
 //! // the base model, with a value that is known
 //! let base = study.calibrate("none").hold("closing_time_s", 0.1).run()?;
-//! // what it lacks
+//! // what it lacks, and the model that has it: one effect, or two
 //! let diagnosis = study.diagnose(&base)?;
-//! if diagnosis.verdict == Verdict::MissingEffect {
-//!     let missing = &diagnosis.candidates[0];
-//!     // the model with that effect
-//!     let grown = study.grow(&base, missing.label.as_str())?;
-//!     println!("{}: evidence {:.0}", missing.label, grown.evidence);
-//!     println!("wave speed {:.1} m/s", grown.fit.parameter("wave_speed_m_s")?.value);
+//! if let Some(grown) = diagnosis.answer() {
+//!     println!("{}: evidence {:.0}", diagnosis.answer_label(), diagnosis.answer_evidence());
+//!     println!("wave speed {:.1} m/s", grown.parameter("wave_speed_m_s")?.value);
 //! }
 //! # Ok::<(), surgescope::Error>(())
 //! ```

@@ -9,6 +9,7 @@ pub mod next;
 pub mod open;
 pub mod predict;
 pub mod simulated;
+pub mod until_done;
 
 use std::path::{Path, PathBuf};
 
@@ -37,17 +38,15 @@ use crate::study::open::{Loaded, load, load_keeping, one_rig};
 /// ```no_run
 /// use surgescope::Study;
 /// use surgescope::diagnose::Verdict;
+/// use surgescope::study::until_done::UntilDone;
 ///
 /// let study = Study::open(["recordings/hdpe-creep.mcap"])?;
-/// let mut fit = study.calibrate("none").run()?;
-/// loop {
-///     let diagnosis = study.diagnose(&fit)?;
-///     let Some(missing) = diagnosis.candidates.first().filter(|_| diagnosis.verdict == Verdict::MissingEffect) else {
-///         break;
-///     };
-///     println!("{} is missing (probability {:.2})", missing.label, missing.probability);
-///     fit = study.grow(&fit, missing.label.as_str())?.fit;
+/// let mut search = UntilDone::starting("none")?;
+/// while search.step(&study)?.is_some() {}
+/// for diagnosis in search.diagnoses().iter().filter(|d| d.verdict == Verdict::MissingEffect) {
+///     println!("{} is missing (probability {:.2})", diagnosis.answer_label(), diagnosis.probability);
 /// }
+/// let fit = search.models().last().expect("there is the start model at least");
 /// let speed = fit.parameter("wave_speed_m_s")?;
 /// println!("wave speed {:.1} ± {:.1} {}", speed.value, speed.standard_error(), speed.unit);
 /// # Ok::<(), surgescope::Error>(())

@@ -12,10 +12,9 @@ use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::page::write_page;
 use crate::cli::console::print::{say, say_text, tell};
 use crate::cli::console::progress::shown;
-use crate::diagnose::{Diagnosis, Verdict};
+use crate::diagnose::Verdict;
 use crate::fit::outcome::fit::Fit;
 use crate::fit::search::options::Options;
-use crate::fit::search::sensor_choice::is_open;
 use crate::fit::validate::energy::energy_of;
 use crate::model::effects::{Chosen, parse_list};
 use crate::report::Page;
@@ -30,9 +29,7 @@ use crate::study::Study;
 use crate::study::error::Error;
 use crate::study::hold::Hold;
 use crate::study::models;
-
-/// Most effects that are added one after the other.
-const MOST_ADDED: usize = 8;
+use crate::study::until_done::{Step, UntilDone};
 
 /// Find out where a model fails and which effect it lacks.
 #[derive(Debug, clap::Args)]
@@ -137,83 +134,52 @@ fn diagnosed(args: Args, json: bool) -> CommandResult {
         Some(file) => file.root().chosen(),
         None => effects.clone(),
     };
-    // the effects of the start model, and those found last, which were compared with their rivals beside all others
-    let mut settled = start.clone();
-    let mut models: Vec<(String, Fit)> = Vec::new();
-    let mut diagnoses: Vec<Diagnosis> = Vec::new();
+    let mut search = UntilDone::grown_from(start, effects, options);
     let mut unsaved = None;
-    for _ in 0..=MOST_ADDED {
-        // what was added is fitted
-        let mut found = shown(&mut study, "", |study| match models.last() {
-            Some((_, fit)) => study.diagnose_next(fit.clone(), Some(&models[0].1), &effects, &options),
-            None => study.diagnose_model(&effects, &options),
-        })?;
-        if let (None, Some((_, fit))) = (found.answer(), models.last())
-            && let Some((other, gone)) =
-                shown(&mut study, "", |study| study.exchanged(fit, &settled, &models[0].1, &options))
-        {
-            tell!("{} stood in for {} and is exchanged", gone.label(), other.answer_label());
-            diagnoses.push(::std::mem::replace(&mut found, other));
-        }
-        if models.is_empty() {
-            models.push((title(&found.start.effects), found.start.clone()));
-        }
-        if let Some(file) = file.as_mut().filter(|f| f.models.is_empty()) {
-            file.append(&found.start, "the start of a diagnosis", None, now());
-        }
-        let added = found.answer().cloned();
-        if let (Some(fit), Some(file)) = (&added, &mut file) {
-            file.append(fit, &found.reason(), Some(found.answer_evidence()), now());
+    while let Some(step) = shown(&mut study, "", |study| search.step(study))? {
+        match (step, search.diagnoses(), search.models()) {
+            (Step::Diagnosed { exchanged }, [.., found], _) => {
+                if let Some(gone) = exchanged {
+                    tell!("{} stood in for {} and is exchanged", gone.label(), found.answer_label());
+                }
+                if let Some(file) = file.as_mut().filter(|f| f.models.is_empty()) {
+                    file.append(&found.start, "the start of a diagnosis", None, now());
+                }
+                if let (Some(fit), Some(file)) = (found.answer(), &mut file) {
+                    file.append(fit, &found.reason(), Some(found.answer_evidence()), now());
+                }
+                if args.until_done && !json {
+                    say_text!(diagnosis::text(found));
+                }
+                if found.verdict == Verdict::MissingEffect && found.answer().is_none() {
+                    tell!("the missing effect could not be fitted to the whole record, so nothing was added");
+                }
+            }
+            (Step::TakenOut(gone), _, [.., smaller]) => {
+                tell!("{} is no longer needed and is taken out", gone.label());
+                if let Some(file) = &mut file {
+                    file.append(smaller, &format!("diagnosed: {} is no longer needed", gone.label()), None, now());
+                }
+            }
+            _ => {}
         }
         if let (Some(path), Some(file)) = (&args.apply, &mut file) {
             // each as soon as it is there: a later one may be interrupted
             unsaved = models::save(file, path).err();
         }
-        if args.until_done && !json {
-            say_text!(diagnosis::text(&found));
-        }
-        if found.verdict == Verdict::MissingEffect && added.is_none() {
-            tell!("the missing effect could not be fitted to the whole record, so nothing was added");
-        }
-        // where nothing is missing at once, there may be too much
-        let whole = args.until_done && found.verdict == Verdict::NothingMissing && models.len() == 1;
-        let is_added = added.is_some();
-        let fit = added.or_else(|| whole.then(|| found.start.clone()));
-        diagnoses.push(found);
-        let Some(mut fit) = fit else { break };
-        if is_added {
-            models.push((title(&fit.effects), fit.clone()));
-        }
-        let before = models.len();
-        // what was just added has its evidence
-        let is_new = |c: &&Chosen| effects.iter().all(|known| known.effect.name() != c.effect.name());
-        settled = start.iter().chain(fit.effects.iter().filter(is_new)).cloned().collect();
-        while args.until_done
-            && let Some((smaller, gone)) =
-                shown(&mut study, "", |study| study.without_needless(&fit, &settled, &options))
-        {
-            tell!("{} is no longer needed and is taken out", gone.label());
-            if let Some(file) = &mut file {
-                file.append(&smaller, &format!("diagnosed: {} is no longer needed", gone.label()), None, now());
-            }
-            models.push((title(&smaller.effects), smaller.clone()));
-            fit = smaller;
-        }
-        let last = diagnoses.last();
-        let is_done = !is_added && models.len() == before;
-        if is_done || !args.until_done || unsaved.is_some() || last.is_some_and(Diagnosis::predicts_worse) {
+        if !args.until_done || unsaved.is_some() {
             break;
         }
-        effects = grown(&effects, &models[models.len() - 1].1.effects);
     }
+    let (models, diagnoses) = (search.models(), search.diagnoses());
     let Some(last) = diagnoses.last() else { return Ok(Outcome::Done) };
-    if models.len() > MOST_ADDED {
+    if search.is_cut_short() {
         tell!("stopped after {} models", models.len());
     }
     if json {
-        say_document(diagnosis::value(&diagnoses, &faults_of(&study))?)?;
+        say_document(diagnosis::value(diagnoses, &faults_of(&study))?)?;
     } else if args.until_done {
-        say_text!(staircase(&models));
+        say_text!(staircase(models));
     } else {
         say_text!(diagnosis::text(last));
     }
@@ -222,11 +188,11 @@ fn diagnosed(args: Args, json: bool) -> CommandResult {
     }
     // last, so that a page that cannot be written costs no result
     if let Some(path) = &args.report {
-        let stages = models.iter().map(|(title, fit)| Stage { title: title.clone(), fit }).collect();
-        let energy = models.last().and_then(|(_, fit)| energy_of(study.rig(), study.runs(), fit, 0).ok().flatten());
+        let stages = models.iter().map(|fit| Stage { title: title(&fit.effects), fit }).collect();
+        let energy = models.last().and_then(|fit| energy_of(study.rig(), study.runs(), fit, 0).ok().flatten());
         let again = Again::of(&args.recordings, args.rig.as_deref(), &args.ignored.sensors, &args.hold)
             .kept_in(args.apply.as_deref());
-        write_page(path, &study, Page { stages, diagnoses: &diagnoses, energy, ..Page::of(study.rig()) }, &again)?;
+        write_page(path, &study, Page { stages, diagnoses, energy, ..Page::of(study.rig()) }, &again)?;
         tell!("report: {}", path.shown());
     }
     unsaved.map_or(Ok(Outcome::Done), |error| Err(error.into()))
@@ -237,17 +203,12 @@ fn faults_of(study: &Study) -> Vec<SensorFault> {
     study.recordings().iter().flat_map(|l| l.faults.iter().cloned()).collect()
 }
 
-/// The effects of the next step: what was found is added, what had its number left open keeps it open.
-fn grown(asked: &[Chosen], found: &[Chosen]) -> ::std::vec::Vec<Chosen> {
-    let open = |c: &Chosen| asked.iter().any(|a| a.effect.name() == c.effect.name() && is_open(a));
-    found.iter().map(|c| if open(c) { Chosen { elements: None, ..c.clone() } } else { c.clone() }).collect()
-}
-
 /// The errors of the models, one after the other.
-fn staircase(models: &[(String, Fit)]) -> String {
+fn staircase(models: &[Fit]) -> String {
     let mut out = String::from("\nModels, one after the other:\n");
-    for (title, fit) in models {
+    for fit in models {
         let (rmse_m, noise_m) = fit.pooled();
+        let title = title(&fit.effects);
         out += &format!("  {:>7} m  {:>6} × noise  {title}\n", error_m(rmse_m), times(rmse_m, noise_m));
     }
     out
