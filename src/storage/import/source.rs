@@ -8,6 +8,7 @@ use serde::Serialize;
 
 use crate::recording::Series;
 use crate::rig::spelled_unit;
+use crate::storage::layout::to_s;
 use crate::units::{Quantity, Unit};
 
 /// What a file of another program holds.
@@ -25,6 +26,35 @@ pub struct SourceFile {
     pub spare_tracks: bool,
     /// Names of what it holds besides and is no track: times, counters, words, arrays without times.
     pub others: Vec<String>,
+}
+
+impl SourceFile {
+    /// What several tables of one run hold, on one clock: that of the earliest where all tell the date, else their own.
+    pub(crate) fn joined(files: Vec<SourceFile>, repairs: Vec<Repair>) -> SourceFile {
+        let start = files.iter().filter_map(|file| file.start).min_by_key(|start| start.unix_ns);
+        let mut whole = SourceFile { start, repairs, ..SourceFile::default() };
+        let alone = files.len() == 1;
+        for file in files {
+            let late_s = match (file.start, start) {
+                (Some(own), Some(first)) => to_s((own.unix_ns - first.unix_ns) as i64),
+                _ => 0.0,
+            };
+            for mut track in file.tracks {
+                track.place = track.place.filter(|_| alone);
+                track.series.time_s.iter_mut().for_each(|t| *t += late_s);
+                let gaps = track.series.gaps.iter_mut();
+                gaps.for_each(|gap| (gap.from_s, gap.to_s) = (gap.from_s + late_s, gap.to_s + late_s));
+                whole.tracks.push(track);
+            }
+            let notes = file.notes.into_iter().filter(|note| !whole.notes.contains(note));
+            whole.notes.extend(notes.collect::<Vec<_>>());
+            whole.others.extend(file.others);
+            whole.spare_tracks |= file.spare_tracks;
+            let news = file.repairs.into_iter().filter(|repair| !whole.repairs.contains(repair));
+            whole.repairs.extend(news.collect::<Vec<_>>());
+        }
+        whole
+    }
 }
 
 /// A wall-clock time, and how finely it was written.
@@ -51,14 +81,24 @@ pub struct Track {
     pub repairs: Vec<Repair>,
     /// The name that it shares with a column before it; its own is numbered.
     pub shares: Option<String>,
+    /// Which column of its table it is, from 1, where it is one.
+    pub place: Option<usize>,
 }
 
 impl Track {
-    /// Whether a user who writes `name` means it.
+    /// Whether a user who writes `name` means it: by its full name, the short one, or its place, as in `column 3`.
     pub fn is_called(&self, name: &str) -> bool {
-        self.name == name || self.short == name
+        self.name == name || self.short == name || self.place.is_some_and(|place| is_place(name, place))
     }
 }
+
+/// Whether a name is that of a column by its place: `column 3`.
+pub(crate) fn is_place(name: &str, place: usize) -> bool {
+    name.strip_prefix(NAMELESS).and_then(|number| number.parse().ok()) == Some(place)
+}
+
+/// How columns are called by their places.
+pub(crate) const NAMELESS: &str = "column ";
 
 /// Which of two numbers below 13 is the day.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

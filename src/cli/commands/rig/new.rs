@@ -16,9 +16,9 @@ use crate::cli::console::outcome::{AnyError, CommandResult, Outcome};
 use crate::cli::console::print::{say, say_text, tell};
 use crate::draft::answers::{
     Amiss, Answers, CLOSING_TIME, Drafted, INNER_DIAMETER, LENGTH, Measured, PLACE, RATE, SUPPLIES, TEMPERATURE, WALL,
-    flow, known_materials, material, supply,
+    flow, known_materials, material, no_pressure, supply,
 };
-use crate::draft::{Said, contradictions, has_flow, without_pressure};
+use crate::draft::{LIKE_THE_AIR, Said, WRITTEN, contradictions, has_flow, without_pressure};
 use crate::report::advice::quoted;
 use crate::report::rig_drawing;
 use crate::rig::check::{Finding, Level, check as check_rig};
@@ -141,7 +141,7 @@ pub fn run(mut args: Args, json: bool) -> CommandResult {
     }
     if !left_out.is_empty() {
         tell!(
-            "left out, because they look like no sensor: {} (a column of volts or mA becomes one by --scale, as in --scale 'NAME=1..5 -> 0..10 bar')",
+            "left out, because they look like no sensor: {} (a column of volts or mA becomes one by --scale, as in --scale 'NAME=1..5 -> 0..10 bar', a pressure by its place, as in --sensor 'NAME=12.5')",
             left_out.join(", ")
         );
     }
@@ -200,7 +200,7 @@ fn answered<'a>(args: &Args, read: Option<&'a SourceFile>, ask: &Ask) -> Result<
         foreign.scale.extend(ask.transducers(&columns)?);
         answers.columns.source = guessing(&foreign);
         if without_pressure(read, &answers.columns).is_some() {
-            return Err(refused(Amiss::NoPressure { columns }).into());
+            return Err(refused(no_pressure(read, columns)).into());
         }
     }
     ask.pipe(&mut answers, args.pipe.as_deref())?;
@@ -236,8 +236,14 @@ fn unstated_units(sensors: &[DraftSensor]) -> Option<String> {
     let open = |is_pressure: bool| {
         sensors.iter().filter(move |s| !s.unit.why.is_empty() && (s.kind == SensorKind::Pressure) == is_pressure)
     };
-    let pressures: Vec<&str> = open(true).map(|s| s.name.as_str()).collect();
-    let mut remedies = Vec::new();
+    // a unit that is written and not known is for nobody to replace
+    let written = |s: &&DraftSensor| s.unit.why.starts_with(WRITTEN);
+    let pressures: Vec<&str> = open(true).filter(|s| !written(s)).map(|s| s.name.as_str()).collect();
+    let mut remedies: Vec<String> = Vec::new();
+    remedies.extend(open(true).filter(written).map(|s| {
+        let name = &s.name;
+        format!("what the numbers of '{name}' stand for with --scale, as in --scale '{name}=0.01*x bar'")
+    }));
     if !pressures.is_empty() {
         remedies.push(format!("that of the pressures ({}) with --unit, as in --unit bar", pressures.join(", ")));
     }
@@ -246,7 +252,8 @@ fn unstated_units(sensors: &[DraftSensor]) -> Option<String> {
         format!("that of '{name}' ({kind}) with --scale, as in --scale '{name}={usual}', or leave it out with --ignore '{name}'")
     }));
     let why = sensors.iter().find(|s| !s.unit.why.is_empty())?.unit.why.as_str();
-    Some(format!("{why}. Give the unit: {}", remedies.join("; ")))
+    let what = if why.starts_with(WRITTEN) { "Give" } else { "Give the unit:" };
+    Some(format!("{why}. {what} {}", remedies.join("; ")))
 }
 
 /// What to do next, as a command.
@@ -284,11 +291,22 @@ fn unknown_places(sensors: &[DraftSensor]) -> Option<String> {
     ))
 }
 
+/// What to give of a pressure that stays at that of the air.
+fn barometer(sensors: &[DraftSensor]) -> Option<String> {
+    let DraftSensor { name, position_m, .. } = sensors.iter().find(|s| s.position_m.why.starts_with(LIKE_THE_AIR))?;
+    Some(format!(
+        "'{name}': {}. If it measures the air, leave it out with --ignore '{name}'; if it stands at the pipe, give its place, as in --sensor '{name}={}'",
+        position_m.why.trim_end_matches(": at the supply"),
+        position_m.value
+    ))
+}
+
 /// What the user confirms of what was assumed.
 fn confirmed(draft: &mut Draft, args: &Args, ask: &Ask) -> Result<(), AnyError> {
     let place = PLACE.up_to(draft.length_m);
     ask.units(&mut draft.sensors)?;
-    if let (false, Some(text)) = (ask.asks, unknown_places(&draft.sensors)) {
+    let open = unknown_places(&draft.sensors).or_else(|| barometer(&draft.sensors));
+    if let (false, Some(text)) = (ask.asks, open) {
         return Err(text.into());
     }
     ask.confirm(TEMPERATURE.words, &TEMPERATURE, &mut draft.temperature_degc)?;
