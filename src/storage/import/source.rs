@@ -55,6 +55,47 @@ impl SourceFile {
         }
         whole
     }
+
+    /// The files of one run: its sensors, or parts of it, one after the other.
+    ///
+    /// # Errors
+    /// Two files hold one track at the same times.
+    pub fn continued(files: Vec<SourceFile>) -> Result<SourceFile, String> {
+        let alone = files.len() == 1;
+        let repairs = Vec::new();
+        let mut whole = SourceFile::joined(files, repairs);
+        if alone {
+            return Ok(whole);
+        }
+        let begins_s = |track: &Track| track.series.time_s.first().copied().unwrap_or(f64::INFINITY);
+        let mut parts: Vec<(usize, Track)> = std::mem::take(&mut whole.tracks).into_iter().enumerate().collect();
+        parts.sort_by(|(_, a), (_, b)| begins_s(a).total_cmp(&begins_s(b)));
+        let mut tracks: Vec<(usize, Track)> = Vec::new();
+        for (order, part) in parts {
+            let Some((place, track)) = tracks.iter_mut().find(|(_, track)| track.name == part.name) else {
+                tracks.push((order, part));
+                continue;
+            };
+            // the last row may stand again at the beginning of the next file
+            if track.series.time_s.last().is_some_and(|end_s| begins_s(&part) < *end_s) {
+                return Err(format!(
+                    "it holds '{}' at the same times as another of these files: if these are two runs, name the files of one of them",
+                    part.name
+                ));
+            }
+            if track.series.time_s.last() == part.series.time_s.first() {
+                track.series.time_s.pop();
+                track.series.value.pop();
+            }
+            *place = order.min(*place);
+            track.series.time_s.extend(part.series.time_s);
+            track.series.value.extend(part.series.value);
+            track.series.gaps.extend(part.series.gaps);
+        }
+        tracks.sort_by_key(|(order, _)| *order);
+        whole.tracks = tracks.into_iter().map(|(_, track)| track).collect();
+        Ok(whole)
+    }
 }
 
 /// A wall-clock time, and how finely it was written.
