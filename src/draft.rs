@@ -333,10 +333,9 @@ fn free_name(heading: &str, taken: &[DraftSensor]) -> String {
 /// The unit of a column that states none, by its median.
 fn unit_of(track: &Track, kind: SensorKind, level: f64, draft: &Draft) -> Told<Unit> {
     let why = match &track.unit {
-        Some(unit) => format!(
-            "{WRITTEN} '{unit}', which is no unit that is known; its median is {}",
-            significant(level, 4)
-        ),
+        Some(unit) => {
+            format!("{WRITTEN} '{unit}', which is no unit that is known; its median is {}", significant(level, 4))
+        }
         None => format!("no unit is stated; its median is {}", significant(level, 4)),
     };
     let area_m2 = std::f64::consts::FRAC_PI_4 * (1e-3 * draft.inner_diameter_mm).powi(2);

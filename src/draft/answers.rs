@@ -166,7 +166,8 @@ pub enum Amiss {
 pub fn no_pressure(file: &SourceFile, columns: Vec<String>) -> Amiss {
     let others = || file.tracks.iter().filter(|track| columns.contains(&track.name));
     let unit = |track: &Track| track.unit.clone().unwrap_or_default();
-    let first = |is: &dyn Fn(&str) -> bool| others().find(|track| is(&unit(track))).map(|track| (&track.name, unit(track)));
+    let first =
+        |is: &dyn Fn(&str) -> bool| others().find(|track| is(&unit(track))).map(|track| (&track.name, unit(track)));
     let volts = first(&is_electric).map(|(name, unit)| {
         format!(
             "the ranges of its transducer, for it is in '{unit}', as in option `scale '{name}=1..5 -> 0..10 bar'` (or its line, '{name}=2.5*x-2.5 bar')"
@@ -175,9 +176,8 @@ pub fn no_pressure(file: &SourceFile, columns: Vec<String>) -> Amiss {
     let unknown = first(&|unit| !unit.is_empty() && !is_electric(unit)).map(|(name, unit)| {
         format!("what its numbers stand for, if it is in '{unit}', as in option `scale '{name}=0.01*x bar'`")
     });
-    let bare = first(&str::is_empty).map(|(name, _)| {
-        format!("its place and its unit, as in option `sensor '{name}=12.5'` and option `unit bar`")
-    });
+    let bare = first(&str::is_empty)
+        .map(|(name, _)| format!("its place and its unit, as in option `sensor '{name}=12.5'` and option `unit bar`"));
     let remedies = volts.into_iter().chain(unknown).chain(bare).collect();
     Amiss::NoPressure { columns, remedies }
 }

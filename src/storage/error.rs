@@ -352,7 +352,7 @@ pub enum CsvProblem {
     },
     /// A rate beside times that tell another one.
     #[error(
-        "column '{column}' holds times, {step_s} s apart, and option `rate {rate_hz}` says otherwise: leave the rate out; if the times are wrong, add option          `ignore '{column}'`"
+        "column '{column}' holds times, {step_s} s apart, and option `rate {rate_hz}` says otherwise: leave the rate out; if the times are wrong, add option `ignore '{column}'`"
     )]
     RateBesideTimes {
         /// The rate, Hz.

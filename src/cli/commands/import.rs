@@ -21,8 +21,8 @@ use crate::rig::check::return_time_s;
 use crate::shown::Shown as _;
 use crate::signal::doubts::doubts;
 use crate::signal::faults::{in_words, sensor_faults};
-use crate::signal::inspect;
 use crate::signal::window::{Passing, used};
+use crate::signal::{SignalError, inspect};
 use crate::storage::import::{
     Imported, LongImport, Pass, Repair, SourceOptions, import_file, require_sensors, unit_warnings,
 };
@@ -215,7 +215,12 @@ impl Done {
         }
         left_out.iter().for_each(|text| tell!("{text}"));
         // What contradicts the rig is cheapest to mend here.
-        let doubts = inspect(&used).map_or(Vec::new(), |features| doubts(&used.rig, &features));
+        let doubts = match inspect(&used) {
+            Ok(features) => doubts(&used.rig, &features),
+            // a part of a run, or the wrong one; of a few readings nobody expects a closure
+            Err(error @ (SignalError::NoClosure { .. } | SignalError::TooShort { .. })) => vec![error.to_string()],
+            Err(_) => Vec::new(),
+        };
         let faults = sensor_faults(&used);
         let of_clock = |clock: &Clock| {
             let file = clock.file.shown().into_owned();

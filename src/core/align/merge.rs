@@ -84,9 +84,8 @@ pub(crate) fn repeated(first: &Series, then: &Series) -> Option<usize> {
     }
     let count = then.time_s.partition_point(|t| *t <= end_s + near_s);
     let from = first.time_s.len().checked_sub(count)?;
-    let is_same = (0..count).all(|i| {
-        (first.time_s[from + i] - then.time_s[i]).abs() <= near_s && first.value[from + i] == then.value[i]
-    });
+    let is_same = (0..count)
+        .all(|i| (first.time_s[from + i] - then.time_s[i]).abs() <= near_s && first.value[from + i] == then.value[i]);
     is_same.then_some(count)
 }
 

@@ -280,7 +280,13 @@ fn converted(
             // the ranges of a transducer, or what a number stands for
             let line = if is_electric(&text) { "1..5 -> 0..10" } else { "0.01*x" };
             let remedy = format!("'{name}={line} {}'", sensor.unit);
-            return Err(CsvProblem::WrongUnit { column: track.name, unit: text, kind, known: known.join(", "), remedy });
+            return Err(CsvProblem::WrongUnit {
+                column: track.name,
+                unit: text,
+                kind,
+                known: known.join(", "),
+                remedy,
+            });
         }
     };
     let under_pa = if is_absolute { ATMOSPHERE_PA } else { 0.0 };

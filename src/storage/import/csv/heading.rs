@@ -221,7 +221,7 @@ fn is_number(text: &str) -> bool {
 
 /// Whether what stands as a unit is a factor with or without one: it says how large numbers are, and not which way.
 pub(crate) fn is_factored(unit: &str) -> bool {
-    unit.contains(|c: char| c.is_ascii_digit()) && !is_known_unit(unit)
+    !is_known_unit(unit) && unit.split(' ').any(|word| is_number(word) || factor_in(word).is_some())
 }
 
 /// Whether a last word is a unit: as it is written in a rig file, in whatever case where it has three letters, and that of a time behind a time.

@@ -99,9 +99,11 @@ fn table(
     {
         return Err((Some(line.at), Box::new(CsvProblem::NotARow)));
     }
-    let found = roles(&mut layout, options).map_err(|problem| (header_at, Box::new(problem)))?;
+    let mut found = roles(&mut layout, options).map_err(|problem| (header_at, Box::new(problem)))?;
     repairs.extend(layout.repairs(all));
     repairs.extend(found.repairs);
+    let is_key = |i: usize| channel.is_some_and(|channel| channel.column == i);
+    found.clocks.iter_mut().for_each(|clock| clock.values.retain(|i| !is_key(*i)));
     let values: Vec<usize> =
         (0..layout.columns.len()).filter(|i| found.clocks.iter().any(|c| c.values.contains(i))).collect();
     if let Some(channel) = channel {
@@ -109,15 +111,17 @@ fn table(
     }
     layout.take_settings(&values);
     if let Some((line, [column, first, second])) = layout.contradiction.take()
-        && !layout.columns.iter().enumerate().any(|(i, c)| {
-            c.heading == column && options.scales.iter().any(|(name, _)| c.is_called(name, i + 1))
-        })
+        && !layout
+            .columns
+            .iter()
+            .enumerate()
+            .any(|(i, c)| c.heading == column && options.scales.iter().any(|(name, _)| c.is_called(name, i + 1)))
     {
         return Err((line.or(header_at), Box::new(CsvProblem::TwoUnits { column, first, second })));
     }
     let names = distinct_names(&layout.columns, &mut repairs);
-    let is_key = |i: &&usize| channel.is_some_and(|channel| channel.column == **i);
-    let worded: Vec<&str> = found.words.iter().filter(|i| !is_key(i)).map(|&i| names[i].0.as_str()).filter(|n| !n.is_empty()).collect();
+    let worded: Vec<&str> =
+        found.words.iter().filter(|i| !is_key(**i)).map(|&i| names[i].0.as_str()).filter(|n| !n.is_empty()).collect();
     if !worded.is_empty() {
         let text = format!("left out, because they hold words or nothing: {}", worded.join(", "));
         repairs.push(Repair::new("words", worded.len(), None, text));

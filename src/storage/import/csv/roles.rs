@@ -135,7 +135,8 @@ fn take_unit_columns(layout: &mut Layout<'_>, looks: &[Looks]) {
     let is_time = |layout: &Layout<'_>, i: usize| {
         let Column { heading, name, unit, .. } = &layout.columns[i];
         matches!(looks[i], Looks::Numbers { even: true, .. })
-            || unit.as_deref().and_then(time_unit).or_else(|| heading_unit(heading)).is_some() || is_time_name(name)
+            || unit.as_deref().and_then(time_unit).or_else(|| heading_unit(heading)).is_some()
+            || is_time_name(name)
     };
     let fits = |layout: &Layout<'_>, unit: usize, column: Option<usize>| {
         let of_time = matches!(&looks[unit], Looks::Unit(unit) if time_unit(unit).is_some());
@@ -185,11 +186,12 @@ impl Finder<'_, '_> {
         self.is_named(i, self.options.ignore.iter().cloned())
     }
 
-    /// Columns that may tell the time: not what the user says to be something else, nor times with a factor, which nobody can undo.
+    /// Columns that may tell the time: not what the user says to be something else.
     fn may_be_time(&self, i: usize) -> bool {
-        !self.is_given(i) && !self.is_ignored(i) && !self.is_factored(i)
+        !self.is_given(i) && !self.is_ignored(i)
     }
 
+    /// Times with a factor, which nobody can undo, tell no time.
     fn is_factored(&self, i: usize) -> bool {
         self.column(i).unit.as_deref().is_some_and(is_factored)
     }
@@ -223,7 +225,8 @@ impl Finder<'_, '_> {
     }
 
     fn numbers(&self) -> impl Iterator<Item = usize> {
-        (0..self.looks.len()).filter(|&i| matches!(self.looks[i], Looks::Numbers { .. }) && self.may_be_time(i))
+        let is_number = |i: usize| matches!(self.looks[i], Looks::Numbers { .. }) && !self.is_factored(i);
+        (0..self.looks.len()).filter(move |&i| is_number(i) && self.may_be_time(i))
     }
 
     fn roles(&self) -> Result<Roles, CsvProblem> {
@@ -478,7 +481,7 @@ impl Finder<'_, '_> {
         ((step_s * rate_hz).ln().abs() > EVEN).then(|| CsvProblem::RateBesideTimes {
             rate_hz,
             column: self.column(time).heading.clone(),
-            step_s: significant(step_s, 4),
+            step_s: format!("{}", (1e9 * step_s).round() / 1e9),
         })
     }
 
