@@ -7,7 +7,7 @@ pub mod remark;
 
 use std::path::Path;
 
-use crate::number::significant;
+use crate::number::{duration, significant};
 use crate::recording::Recording;
 use crate::rig::draft::{Draft, DraftSensor, Told};
 use crate::rig::{Rig, SensorKind, quantity_of};
@@ -20,7 +20,7 @@ use crate::signal::{Features, SensorFeatures, inspect};
 use crate::storage::import::{
     Repair, SourceFile, SourceOptions, Track, bind, is_electric, is_nameless, kind_of, kind_of_name,
 };
-use crate::units::{Quantity, UNITS, Unit};
+use crate::units::{GRAVITY_M_S2, Quantity, UNITS, Unit};
 
 /// Units of a pressure that states none, and up to which median it is taken for each: a laboratory's line has 0.5 to 20 bar.
 const PRESSURES: [(&str, f64); 3] = [("bar", 20.0), ("kPa", 2e3), ("Pa", f64::INFINITY)];
@@ -30,6 +30,14 @@ const VELOCITIES_M_S: [f64; 2] = [0.03, 6.0];
 
 /// A column without a name whose values differ by less than this share of their size is no pressure of a test.
 const LEAST_SPREAD: f64 = 0.05;
+
+/// How the reason begins where a unit is written that is not known.
+pub const WRITTEN: &str = "the file has it in";
+
+/// How the reason begins where a pressure stays at that of the air.
+pub const LIKE_THE_AIR: &str = "no front passes it, and it stays at the pressure of the air";
+/// Pressures of the air, Pa, and those of a sensor in it that counts from them.
+const AIR_PA: [std::ops::Range<f64>; 2] = [8.5e4..1.1e5, -5e3..5e3];
 
 /// Two wave speeds agree within this factor: creep and a leak lower the first rise.
 const SAME_RISE: f64 = 1.5;
@@ -94,7 +102,8 @@ pub fn meant(track: &Track, said: &Said) -> Option<(SensorKind, Option<Told<Unit
         Some((SensorKind::ALL.into_iter().find(measures)?, Some(told)))
     });
     // only a pressure has a place to give
-    let by_place = || said.places.iter().any(|(name, _)| name == called).then_some((SensorKind::Pressure, None));
+    let is_placed = said.places.iter().any(|(name, _)| name == called || track.is_called(name));
+    let by_place = || is_placed.then_some((SensorKind::Pressure, None));
     let known = kind_of(track).map(|(kind, unit)| (kind, unit.map(Told::given)));
     if let Some((_, kind)) = said.kinds.iter().find(|(name, _)| *name == track.name) {
         let unit = by_scale.or(known).filter(|(other, _)| quantity_of(*other) == quantity_of(*kind));
@@ -198,6 +207,9 @@ pub fn place(draft: &mut Draft, file: &SourceFile, source: &SourceOptions) {
                 let why = format!("the front arrives {:.1} ms after the first: measure it", 1e3 * later_s);
                 Told::assumed((10.0 * place_m).round() / 10.0, why)
             }
+            (None, Some(_)) if first_s.is_finite() && seen.is_some_and(|s| is_air(s.steady_before_m.value)) => {
+                Told::assumed(0.0, format!("{LIKE_THE_AIR}: at the supply"))
+            }
             (None, Some(_)) if first_s.is_finite() => Told::assumed(0.0, "no front passes it: at the supply"),
             _ => Told::assumed(length_m, "no front can be seen: at the valve"),
         };
@@ -211,6 +223,14 @@ pub fn place(draft: &mut Draft, file: &SourceFile, source: &SourceOptions) {
         }
     }
 }
+
+/// Whether a steady head, m, is that of the air.
+fn is_air(head_m: f64) -> bool {
+    AIR_PA.iter().any(|air| air.contains(&(head_m * WATER_KG_M3 * GRAVITY_M_S2)))
+}
+
+/// Density of water, kg/m³, to a percent.
+const WATER_KG_M3: f64 = 1000.0;
 
 fn take_temperature(draft: &mut Draft, degc: f64) {
     if !draft.temperature_degc.why.is_empty() && draft.sensors.iter().any(|s| s.kind == SensorKind::Temperature) {
@@ -263,9 +283,13 @@ pub fn contradictions(
     Ok(found)
 }
 
-/// The features of the file, the period that of the sensor that the front reaches first.
+/// The features of the file, the period that of the sensor that the front reaches first. A record without a steady beginning has no first front: the
+/// first rise in it may be any.
 fn seen_from_valve(draft: &Draft, file: &SourceFile, source: &SourceOptions) -> Result<Features, String> {
     let found = seen(draft, file, source)?;
+    if let Some(lead_s) = found.short_lead_s(draft.length_m) {
+        return Err(format!("the record begins {} before the first rise", duration(lead_s)));
+    }
     let arrival = |s: &&SensorFeatures| s.front_arrival_s.map_or(f64::INFINITY, |e| e.value);
     let first = found.sensors.iter().min_by(|a, b| arrival(a).total_cmp(&arrival(b))).map(|s| s.name.clone());
     let first = first.ok_or("no sensor")?;
@@ -309,10 +333,9 @@ fn free_name(heading: &str, taken: &[DraftSensor]) -> String {
 /// The unit of a column that states none, by its median.
 fn unit_of(track: &Track, kind: SensorKind, level: f64, draft: &Draft) -> Told<Unit> {
     let why = match &track.unit {
-        Some(unit) => format!(
-            "the file has it in '{unit}', which is no unit that is known; its median is {}",
-            significant(level, 4)
-        ),
+        Some(unit) => {
+            format!("{WRITTEN} '{unit}', which is no unit that is known; its median is {}", significant(level, 4))
+        }
         None => format!("no unit is stated; its median is {}", significant(level, 4)),
     };
     let area_m2 = std::f64::consts::FRAC_PI_4 * (1e-3 * draft.inner_diameter_mm).powi(2);

@@ -4,7 +4,7 @@ use crate::draft::{Said, place, sensors_of, without_pressure};
 use crate::rig::draft::{Draft, DraftSensor, Told};
 use crate::rig::material::{MATERIALS, Material};
 use crate::rig::{SensorKind, spelled_unit};
-use crate::storage::import::SourceFile;
+use crate::storage::import::{SourceFile, Track, is_electric};
 use crate::storage::nearest::nearest;
 use crate::units::written::{measure, number};
 use crate::units::{Quantity, Unit};
@@ -145,15 +145,12 @@ pub enum Amiss {
     #[error("{0} is not known yet")]
     Open(&'static str),
     /// No column is a pressure.
-    #[error(
-        "no column looks like a pressure; the columns are {}. Of one that is, give the ranges where it is in volts or milliamperes, as in \
-         option `scale '{first}=1..5 -> 0..10 bar'` (or its line, '{first}=2.5*x-2.5 bar'), and otherwise its place and its unit, as in \
-         option `sensor '{first}=12.5'` and option `unit bar`",
-        .columns.join(", "), first = .columns.first().map_or("NAME", String::as_str)
-    )]
+    #[error("no column looks like a pressure; the columns are {}. Of one that is, give {}", .columns.join(", "), .remedies.join("; "))]
     NoPressure {
         /// The columns that are no sensor.
         columns: Vec<String>,
+        /// What to give of them, one for each kind of column.
+        remedies: Vec<String>,
     },
     /// A place for a column that the file does not have.
     #[error("option `sensor {name}`: the file has no such column; it has {known}")]
@@ -163,6 +160,26 @@ pub enum Amiss {
         /// Sensors of the file.
         known: String,
     },
+}
+
+/// What to give of columns of which none is a pressure yet.
+pub fn no_pressure(file: &SourceFile, columns: Vec<String>) -> Amiss {
+    let others = || file.tracks.iter().filter(|track| columns.contains(&track.name));
+    let unit = |track: &Track| track.unit.clone().unwrap_or_default();
+    let first =
+        |is: &dyn Fn(&str) -> bool| others().find(|track| is(&unit(track))).map(|track| (&track.name, unit(track)));
+    let volts = first(&is_electric).map(|(name, unit)| {
+        format!(
+            "the ranges of its transducer, for it is in '{unit}', as in option `scale '{name}=1..5 -> 0..10 bar'` (or its line, '{name}=2.5*x-2.5 bar')"
+        )
+    });
+    let unknown = first(&|unit| !unit.is_empty() && !is_electric(unit)).map(|(name, unit)| {
+        format!("what its numbers stand for, if it is in '{unit}', as in option `scale '{name}=0.01*x bar'`")
+    });
+    let bare = first(&str::is_empty)
+        .map(|(name, _)| format!("its place and its unit, as in option `sensor '{name}=12.5'` and option `unit bar`"));
+    let remedies = volts.into_iter().chain(unknown).chain(bare).collect();
+    Amiss::NoPressure { columns, remedies }
 }
 
 impl Answers {
@@ -175,12 +192,12 @@ impl Answers {
         let mut left_out = Vec::new();
         if let Some(file) = file {
             if let Some(columns) = without_pressure(file, &self.columns) {
-                return Err(Amiss::NoPressure { columns });
+                return Err(no_pressure(file, columns));
             }
             (draft.sensors, left_out) = sensors_of(file, &draft, &self.columns);
             place(&mut draft, file, &self.columns.source);
         }
-        self.put(&mut draft, file.is_some())?;
+        self.put(&mut draft, file)?;
         Ok(Drafted { draft, left_out })
     }
 
@@ -204,7 +221,7 @@ impl Answers {
     }
 
     /// Sensors at the places that are given; without a file, each of them is a pressure.
-    fn put(&self, draft: &mut Draft, has_file: bool) -> Result<(), Amiss> {
+    fn put(&self, draft: &mut Draft, file: Option<&SourceFile>) -> Result<(), Amiss> {
         let pressure = |name: &str, position_m| DraftSensor {
             name: name.to_owned(),
             kind: SensorKind::Pressure,
@@ -212,10 +229,14 @@ impl Answers {
             position_m,
             column: None,
         };
+        let called = |column: &Option<String>, name: &str| {
+            let track = file.and_then(|file| file.tracks.iter().find(|track| Some(&track.name) == column.as_ref()));
+            track.is_some_and(|track| track.is_called(name))
+        };
         for (name, place_m) in &self.columns.places {
-            match draft.sensors.iter_mut().find(|s| s.name == *name) {
+            match draft.sensors.iter_mut().find(|s| s.name == *name || called(&s.column, name)) {
                 Some(sensor) => sensor.position_m = Told::given(*place_m),
-                None if !has_file => draft.sensors.push(pressure(name, Told::given(*place_m))),
+                None if file.is_none() => draft.sensors.push(pressure(name, Told::given(*place_m))),
                 None => {
                     let known: Vec<&str> = draft.sensors.iter().map(|s| s.name.as_str()).collect();
                     return Err(Amiss::NoColumn { name: name.clone(), known: known.join(", ") });

@@ -350,6 +350,18 @@ pub enum CsvProblem {
         /// The time, as written.
         time: String,
     },
+    /// A rate beside times that tell another one.
+    #[error(
+        "column '{column}' holds times, {step_s} s apart, and option `rate {rate_hz}` says otherwise: leave the rate out; if the times are wrong, add option `ignore '{column}'`"
+    )]
+    RateBesideTimes {
+        /// The rate, Hz.
+        rate_hz: f64,
+        /// The column of times.
+        column: String,
+        /// Their step, s.
+        step_s: String,
+    },
     /// A number without the unit that stands behind the others.
     #[error(
         "column '{column}': '{cell}' is not in '{unit}', as the numbers above say they are: write one unit throughout"
@@ -395,7 +407,7 @@ pub enum CsvProblem {
     },
     /// A unit that the sensor's samples cannot have.
     #[error(
-        "column '{column}' is in '{unit}', which is no known {kind} unit (known are {known}); give its line with option `scale`, convert it, or correct the heading"
+        "column '{column}' is in '{unit}', which is no known {kind} unit (known are {known}); give its line, as in option `scale {remedy}`, or correct the heading"
     )]
     WrongUnit {
         /// The column.
@@ -406,6 +418,8 @@ pub enum CsvProblem {
         kind: &'static str,
         /// Units that it may have.
         known: String,
+        /// A line for it, as it may look.
+        remedy: String,
     },
     /// Nothing to calibrate with.
     #[error("no pressure sensor is left: a recording needs at least one")]

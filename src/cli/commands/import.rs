@@ -21,8 +21,8 @@ use crate::rig::check::return_time_s;
 use crate::shown::Shown as _;
 use crate::signal::doubts::doubts;
 use crate::signal::faults::{in_words, sensor_faults};
-use crate::signal::inspect;
 use crate::signal::window::{Passing, used};
+use crate::signal::{SignalError, inspect};
 use crate::storage::import::{
     Imported, LongImport, Pass, Repair, SourceOptions, import_file, require_sensors, unit_warnings,
 };
@@ -123,6 +123,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let mut reports = Vec::new();
     let mut parts = Vec::new();
     let mut understood = Vec::new();
+    let mut columns = Vec::new();
     for (i, path) in args.files.iter().enumerate() {
         // a flow by hand is one reading, not one a file
         let elsewhere = recorded(&parts, &rig);
@@ -131,11 +132,12 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         let read = |source: &SourceOptions| busy(path, || import_file(path, &rig, &options, source, alone));
         let imported = read(&foreign).or_else(|error| guessed(path, error, &args, json, &foreign, &rig, read))?;
         understood.extend(json.then(|| imported.understood(path)));
-        let Imported { recording, repairs, start_digit_s, .. } = imported;
+        let Imported { recording, repairs, start_digit_s, names, .. } = imported;
+        columns.extend(names);
         reports.extend(repairs.into_iter().map(|repair| Report { file: path.clone(), repair }));
         parts.push(Part { file: path.shown().into_owned(), recording, start_digit_s });
     }
-    let (recording, clocks, left_out) = joined(parts, &rig, &args)?;
+    let (recording, clocks, left_out) = joined(parts, &rig, &args, &columns)?;
     busy(&output, || write(&output, &recording))?;
     let summary = Summary::of(&recording);
     let (used, _) = used(recording);
@@ -213,7 +215,12 @@ impl Done {
         }
         left_out.iter().for_each(|text| tell!("{text}"));
         // What contradicts the rig is cheapest to mend here.
-        let doubts = inspect(&used).map_or(Vec::new(), |features| doubts(&used.rig, &features));
+        let doubts = match inspect(&used) {
+            Ok(features) => doubts(&used.rig, &features),
+            // a part of a run, or the wrong one; of a few readings nobody expects a closure
+            Err(error @ (SignalError::NoClosure { .. } | SignalError::TooShort { .. })) => vec![error.to_string()],
+            Err(_) => Vec::new(),
+        };
         let faults = sensor_faults(&used);
         let of_clock = |clock: &Clock| {
             let file = clock.file.shown().into_owned();
@@ -242,13 +249,13 @@ impl Done {
 /// The recording, how each file's clock was aligned, and what was left out.
 type Joined = (Recording, Vec<Clock>, Vec<String>);
 
-/// One recording of all files.
-fn joined(mut parts: Vec<Part>, rig: &Rig, args: &Args) -> Result<Joined, Box<dyn std::error::Error + Send + Sync>> {
+/// One recording of all files, which have these `columns`.
+fn joined(mut parts: Vec<Part>, rig: &Rig, args: &Args, columns: &[String]) -> Result<Joined, AnyError> {
     if parts.len() == 1 {
         return Ok((parts.remove(0).recording, Vec::new(), Vec::new()));
     }
     let recordings: Vec<&Recording> = parts.iter().map(|p| &p.recording).collect();
-    require_sensors(&recordings, rig, &args.without)?;
+    require_sensors(&recordings, rig, &args.without, columns)?;
     let wanted = args.align.map(|by| match by {
         AlignBy::Trigger => Method::Trigger,
         AlignBy::Time => Method::Time,

@@ -18,7 +18,13 @@ pub fn merge(parts: Vec<Part>, clocks: &[Clock]) -> Option<(Recording, Vec<Strin
             .map(|i| (i, on_clock(&parts[i].recording.series[sensor], &clocks[i])))
             .collect();
         pieces.sort_by(|a, b| a.1.time_s[0].total_cmp(&b.1.time_s[0]));
-        if pieces.windows(2).all(|w| w[0].1.time_s.last() < w[1].1.time_s.first()) {
+        let again: Option<Vec<usize>> = pieces.windows(2).map(|w| repeated(&w[0].1, &w[1].1)).collect();
+        if let Some(again) = again {
+            for (n, w) in again.iter().zip(pieces.windows(2)).filter(|(n, _)| **n > 0) {
+                let (name, [before, file]) = (&rig.sensors[sensor].name, [&w[0], &w[1]].map(|(i, _)| &parts[*i].file));
+                let samples = if *n == 1 { "sample" } else { "samples" };
+                left_out.push(format!("{file} begins with the last {n} {samples} of '{name}' in {before}: kept once"));
+            }
             *place = pieces.into_iter().map(|(_, series)| series).reduce(joined).unwrap_or_default();
             continue;
         }
@@ -64,8 +70,31 @@ pub fn merge(parts: Vec<Part>, clocks: &[Clock]) -> Option<(Recording, Vec<Strin
     Some((Recording { rig, series, run }, left_out))
 }
 
-/// One series after the other, with a gap where there is more than a step between them.
-fn joined(mut first: Series, then: Series) -> Series {
+/// Times that differ by less than this share of a step are one time.
+const SAME_TIME: f64 = 1e-3;
+
+/// How many samples at the beginning of the later series are those at the end of the first, time by time and value by value; `None` where the series
+/// overlap otherwise.
+pub(crate) fn repeated(first: &Series, then: &Series) -> Option<usize> {
+    let (Some(&end_s), Some(&begin_s)) = (first.time_s.last(), then.time_s.first()) else { return Some(0) };
+    let step_s = median(&mut then.time_s.windows(2).map(|w| w[1] - w[0]).collect::<Vec<f64>>());
+    let near_s = SAME_TIME * step_s;
+    if end_s < begin_s - near_s {
+        return Some(0);
+    }
+    let count = then.time_s.partition_point(|t| *t <= end_s + near_s);
+    let from = first.time_s.len().checked_sub(count)?;
+    let is_same = (0..count)
+        .all(|i| (first.time_s[from + i] - then.time_s[i]).abs() <= near_s && first.value[from + i] == then.value[i]);
+    is_same.then_some(count)
+}
+
+/// One series after the other, what both hold once, with a gap where there is more than a step between them.
+fn joined(mut first: Series, mut then: Series) -> Series {
+    let again = repeated(&first, &then).unwrap_or(0);
+    then.time_s.drain(..again);
+    then.value.drain(..again);
+    then.gaps.retain(|gap| first.time_s.last().is_none_or(|end_s| gap.to_s > *end_s));
     if let (Some(&from_s), Some(&to_s)) = (first.time_s.last(), then.time_s.first()) {
         let steps = first.time_s.windows(2).chain(then.time_s.windows(2)).map(|w| w[1] - w[0]);
         let step_s = median(&mut steps.collect::<Vec<f64>>());
@@ -80,7 +109,7 @@ fn joined(mut first: Series, then: Series) -> Series {
     first
 }
 
-fn on_clock(series: &Series, clock: &Clock) -> Series {
+pub(crate) fn on_clock(series: &Series, clock: &Clock) -> Series {
     if clock.offset_s == 0.0 && clock.drift_ppm.is_none() {
         return series.clone();
     }

@@ -9,6 +9,7 @@ pub(crate) mod merge;
 pub(crate) mod trigger;
 
 use crate::align::clock::{SURE, short};
+use crate::align::merge::{on_clock, repeated};
 use crate::recording::Series;
 use crate::rig::SensorKind;
 
@@ -111,7 +112,13 @@ pub fn refuse_overlaps(parts: &[Part], clocks: &[Clock]) -> Result<(), AlignErro
         spans.extend(span(part).map(|(from_s, to_s)| (clock.time_s(from_s), clock.time_s(to_s), i)));
     }
     spans.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let Some(w) = spans.windows(2).find(|w| w[1].0 <= w[0].1) else { return Ok(()) };
+    // what a logger writes at the end of a file and again at the beginning of the next is no contradiction
+    let is_seam = |first: usize, then: usize| {
+        let series = |part: usize, i: usize| on_clock(&parts[part].recording.series[i], &clocks[part]);
+        let sensors = parts[first].recording.rig.sensors.len();
+        (0..sensors).all(|i| repeated(&series(first, i), &series(then, i)).is_some())
+    };
+    let Some(w) = spans.windows(2).find(|w| w[1].0 <= w[0].1 && !is_seam(w[0].2, w[1].2)) else { return Ok(()) };
     let why = format!(
         "both hold '{sensor}', and at the same times: if these are two runs, import each alone; if one goes on after the other, give the start of each \
          with option `start FILE=TIME`; if the column of one is another sensor, say which with option `map`"

@@ -19,9 +19,6 @@ const LEAST_PERIODS: f64 = 2.0;
 const FASTER_THAN_LAW: f64 = 1.03;
 /// A foot, m.
 const FOOT_M: f64 = 0.3048;
-/// Share of a period before the closure below which a record shows no steady flow.
-const LEAST_LEAD: f64 = 0.1;
-
 /// One sentence for each contradiction, with its likely causes; empty if there is none.
 pub fn doubts(rig: &Rig, features: &Features) -> Vec<String> {
     let speeds = &features.wave_speed;
@@ -56,12 +53,12 @@ pub fn doubts(rig: &Rig, features: &Features) -> Vec<String> {
                  more to be told apart; record for longer"
             ));
         }
-        let lead_s = features.closure.start_s - sensor.begin_s;
-        if lead_s < LEAST_LEAD * period_s {
+        if let Some(lead_s) = features.short_lead_s(rig.length_m()) {
             found.push(format!(
-                "the record begins {} before the closure, or after the closure had begun: the head before it, the noise and the start of \
-                 the closure are not known; let the recording run for a second or more before the valve closes",
-                duration(lead_s.max(0.0))
+                "no steady stretch stands before the first rise, the record begins {} before it: the closure lies before this record or at its very \
+                 beginning, and head and noise before it are not known; import the part of the run before it as well, or let the recording run for a \
+                 second or more before the valve closes",
+                duration(lead_s)
             ));
         }
     }

@@ -135,6 +135,20 @@ pub struct Crossings {
     pub high: f64,
 }
 
+impl Features {
+    /// What the record shows before the closure, s, where that is too little to call it steady; on a line of this length. A record too short for a period
+    /// still has 4L/a.
+    pub fn short_lead_s(&self, length_m: f64) -> Option<f64> {
+        let of_speed = || self.wave_speed.best().map(|a| 4.0 * length_m / a.value);
+        let period_s = self.period.map(|p| p.value).or_else(of_speed)?;
+        let lead_s = self.closure.start_s - self.sensors.get(self.reference)?.begin_s;
+        (lead_s < LEAST_LEAD * period_s).then_some(lead_s.max(0.0))
+    }
+}
+
+/// Share of a period before the closure below which a record shows no steady flow.
+const LEAST_LEAD: f64 = 0.1;
+
 impl WaveSpeeds {
     /// The most reliable of them as a start value: crossings, else arrival, else the period, else Joukowsky.
     pub fn best(&self) -> Option<Estimate> {

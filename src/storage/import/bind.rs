@@ -139,6 +139,7 @@ fn by_hand((value, unit): (f64, Unit), file: &SourceFile, rig: &Rig) -> Result<T
         series,
         repairs: Vec::new(),
         shares: None,
+        place: None,
     })
 }
 
@@ -166,11 +167,16 @@ pub fn check_names(file: &SourceFile, path: &Path, rig: Option<&Rig>, options: &
     Err(LogError::SourceFile { path: path.into(), why })
 }
 
-/// Every sensor of the rig must be in one of the files or among those `without` samples.
+/// Every sensor of the rig must be in one of the files, which have these `columns`, or among those `without` samples.
 ///
 /// # Errors
 /// Names the first that is not.
-pub fn require_sensors(parts: &[&Recording], rig: &Rig, without: &[String]) -> Result<(), LogError> {
+pub fn require_sensors(
+    parts: &[&Recording],
+    rig: &Rig,
+    without: &[String],
+    columns: &[String],
+) -> Result<(), LogError> {
     for name in without {
         if !rig.sensors.iter().any(|s| s.name == *name) {
             let why = format!("rig '{}' has no such sensor", rig.name);
@@ -180,13 +186,11 @@ pub fn require_sensors(parts: &[&Recording], rig: &Rig, without: &[String]) -> R
     let recorded = |i: usize| parts.iter().any(|p| p.series.get(i).is_some_and(|s| !s.time_s.is_empty()));
     let missing = rig.sensors.iter().enumerate().find(|(i, s)| !recorded(*i) && !without.contains(&s.name));
     if let Some((_, sensor)) = missing {
-        let found: Vec<&str> =
-            (0..rig.sensors.len()).filter(|&i| recorded(i)).map(|i| rig.sensors[i].name.as_str()).collect();
         return Err(LogError::Sensors(Box::new(CsvProblem::MissingColumn {
             sensor: sensor.name.clone(),
             kind: sensor.kind.name(),
             rig: rig.name.clone(),
-            found: if found.is_empty() { "none".into() } else { found.join(", ") },
+            found: if columns.is_empty() { "none".into() } else { listed(columns) },
             hint: ".".into(),
         })));
     }
@@ -272,7 +276,17 @@ fn converted(
         None => {
             let known: Vec<&str> = UNITS.iter().filter(|u| u.quantity == quantity).map(|u| u.symbol).collect();
             let kind = sensor.kind.name();
-            return Err(CsvProblem::WrongUnit { column: track.name, unit: text, kind, known: known.join(", ") });
+            let name = &track.short;
+            // the ranges of a transducer, or what a number stands for
+            let line = if is_electric(&text) { "1..5 -> 0..10" } else { "0.01*x" };
+            let remedy = format!("'{name}={line} {}'", sensor.unit);
+            return Err(CsvProblem::WrongUnit {
+                column: track.name,
+                unit: text,
+                kind,
+                known: known.join(", "),
+                remedy,
+            });
         }
     };
     let under_pa = if is_absolute { ATMOSPHERE_PA } else { 0.0 };

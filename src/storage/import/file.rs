@@ -72,6 +72,8 @@ pub struct Imported {
     pub start_digit_s: Option<f64>,
     /// The column, channel or field of each sensor, where it has one.
     pub columns: Vec<Option<String>>,
+    /// All columns, channels or fields.
+    pub names: Vec<String>,
 }
 
 /// Reads a file onto the sensors of a rig; sensors that it lacks stay empty where it is not `alone`. A time series as the project writes it
@@ -105,8 +107,9 @@ pub fn import_file(
             if missing > 0 {
                 repairs.push(Repair::missing_times(missing));
             }
-            let columns = rig.sensors.iter().map(|s| Some(s.name.clone())).collect();
-            return Ok(Imported { recording, repairs, start_digit_s, columns });
+            let names: Vec<String> = rig.sensors.iter().map(|s| s.name.clone()).collect();
+            let columns = names.iter().cloned().map(Some).collect();
+            return Ok(Imported { recording, repairs, start_digit_s, columns, names });
         }
         Some(Err(error)) => Some(error),
         None => None,
@@ -119,28 +122,29 @@ pub fn import_file(
         if alone {
             check_names(&file, path, Some(rig), source)?;
         }
+        let names: Vec<String> = file.tracks.iter().map(|track| track.name.clone()).collect();
         let (recording, columns) = bind(file, path, rig, source, &mut repairs)?;
         if alone {
             let mut without = options.without.clone();
             if source.guess {
                 without.extend(not_recorded(&recording, &mut repairs));
             }
-            require_sensors(&[&recording], rig, &without)?;
+            require_sensors(&[&recording], rig, &without, &names)?;
         }
         if let Some(guess) = repairs.iter().find(|repair| repair.guessed && !source.guess) {
             let why = format!("the file does not say that {}", guess.text);
             return Err(LogError::SourceFile { path: path.into(), why });
         }
-        Ok((recording, columns))
+        Ok((recording, columns, names))
     });
     match (read, refused) {
-        (Ok((mut recording, columns)), _) => {
+        (Ok((mut recording, columns, names)), _) => {
             if options.start_unix_ns > 0 {
                 recording.run.start_unix_ns = options.start_unix_ns;
                 start_digit_s = None;
                 repairs.retain(|m| m.what != START);
             }
-            Ok(Imported { recording, repairs, start_digit_s, columns })
+            Ok(Imported { recording, repairs, start_digit_s, columns, names })
         }
         // of a file that is plain but for one thing, that one thing
         (Err(error), Some(refused)) if is_plain(&bytes) && !says_more(&error) && !tolerated(&refused, source) => {

@@ -1,7 +1,7 @@
 //! What a column of a foreign file measures, by its unit and its name, and which sensor of a rig it may be.
 
 use crate::rig::{Rig, SensorKind, quantity_of, spelled_unit};
-use crate::storage::import::source::Track;
+use crate::storage::import::source::{NAMELESS, Track};
 use crate::units::{Quantity, Unit};
 
 /// Words in names, in lower case. A name that starts with the letter alone, as `P1` and `Q_valve`, counts as well.
@@ -24,9 +24,6 @@ pub(crate) enum Known {
     /// Nothing.
     Nothing,
 }
-
-/// How the names of columns without headings begin.
-pub(crate) const NAMELESS: &str = "column ";
 
 /// Whether a heading is none: a number, as pandas and spreadsheets give.
 pub fn is_nameless(heading: &str) -> bool {
@@ -119,7 +116,7 @@ pub fn kind_of(track: &Track) -> Option<(SensorKind, Option<Unit>)> {
     let by_unit =
         track.unit.as_deref().and_then(|unit| kinds.into_iter().find_map(|kind| Some((kind, unit_of(kind, unit)?))));
     if let Some((kind, unit)) = by_unit {
-        return Some((kind, Some(unit)));
+        return Some((kind, Some(unit))).filter(|_| kind != SensorKind::Pressure || !is_elsewhere(&track.short));
     }
     let ratio = track.unit.as_deref().and_then(|unit| spelled_unit(unit, Quantity::Ratio));
     if ratio.is_some() && ["valve", "ventil"].iter().any(|word| track.short.to_lowercase().contains(word)) {
@@ -128,8 +125,22 @@ pub fn kind_of(track: &Track) -> Option<(SensorKind, Option<Unit>)> {
     kind_of_name(&track.short).map(|kind| (kind, None))
 }
 
+/// Whether a name says that its pressure is none at a place of the pipe: that of the air, or a difference of two.
+fn is_elsewhere(name: &str) -> bool {
+    let lower = name.to_lowercase();
+    let begins = ["baro", "atm", "ambient", "luftdruck", "umgebung", "differ", "différ", "delta", "δ", "∆"];
+    let is = |word: &str| {
+        let bare = word.trim_end_matches(|c: char| c.is_ascii_digit());
+        begins.iter().any(|begin| word.starts_with(begin)) || ["dp", "pdiff", "diff", "patm", "pbaro"].contains(&bare)
+    };
+    lower.split(|c: char| !c.is_alphanumeric() && c != '∆').any(is)
+}
+
 /// What a name says that its column measures.
 pub fn kind_of_name(name: &str) -> Option<SensorKind> {
+    if is_elsewhere(name) {
+        return None;
+    }
     let name = name.to_lowercase();
     let said = |words: &[&str]| words.iter().any(|w| name.contains(w));
     // a header is no head

@@ -8,6 +8,7 @@ use serde::Serialize;
 
 use crate::recording::Series;
 use crate::rig::spelled_unit;
+use crate::storage::layout::to_s;
 use crate::units::{Quantity, Unit};
 
 /// What a file of another program holds.
@@ -25,6 +26,76 @@ pub struct SourceFile {
     pub spare_tracks: bool,
     /// Names of what it holds besides and is no track: times, counters, words, arrays without times.
     pub others: Vec<String>,
+}
+
+impl SourceFile {
+    /// What several tables of one run hold, on one clock: that of the earliest where all tell the date, else their own.
+    pub(crate) fn joined(files: Vec<SourceFile>, repairs: Vec<Repair>) -> SourceFile {
+        let start = files.iter().filter_map(|file| file.start).min_by_key(|start| start.unix_ns);
+        let mut whole = SourceFile { start, repairs, ..SourceFile::default() };
+        let alone = files.len() == 1;
+        for file in files {
+            let late_s = match (file.start, start) {
+                (Some(own), Some(first)) => to_s((own.unix_ns - first.unix_ns) as i64),
+                _ => 0.0,
+            };
+            for mut track in file.tracks {
+                track.place = track.place.filter(|_| alone);
+                track.series.time_s.iter_mut().for_each(|t| *t += late_s);
+                let gaps = track.series.gaps.iter_mut();
+                gaps.for_each(|gap| (gap.from_s, gap.to_s) = (gap.from_s + late_s, gap.to_s + late_s));
+                whole.tracks.push(track);
+            }
+            let notes = file.notes.into_iter().filter(|note| !whole.notes.contains(note));
+            whole.notes.extend(notes.collect::<Vec<_>>());
+            whole.others.extend(file.others);
+            whole.spare_tracks |= file.spare_tracks;
+            let news = file.repairs.into_iter().filter(|repair| !whole.repairs.contains(repair));
+            whole.repairs.extend(news.collect::<Vec<_>>());
+        }
+        whole
+    }
+
+    /// The files of one run: its sensors, or parts of it, one after the other.
+    ///
+    /// # Errors
+    /// Two files hold one track at the same times.
+    pub fn continued(files: Vec<SourceFile>) -> Result<SourceFile, String> {
+        let alone = files.len() == 1;
+        let repairs = Vec::new();
+        let mut whole = SourceFile::joined(files, repairs);
+        if alone {
+            return Ok(whole);
+        }
+        let begins_s = |track: &Track| track.series.time_s.first().copied().unwrap_or(f64::INFINITY);
+        let mut parts: Vec<(usize, Track)> = std::mem::take(&mut whole.tracks).into_iter().enumerate().collect();
+        parts.sort_by(|(_, a), (_, b)| begins_s(a).total_cmp(&begins_s(b)));
+        let mut tracks: Vec<(usize, Track)> = Vec::new();
+        for (order, part) in parts {
+            let Some((place, track)) = tracks.iter_mut().find(|(_, track)| track.name == part.name) else {
+                tracks.push((order, part));
+                continue;
+            };
+            // the last row may stand again at the beginning of the next file
+            if track.series.time_s.last().is_some_and(|end_s| begins_s(&part) < *end_s) {
+                return Err(format!(
+                    "it holds '{}' at the same times as another of these files: if these are two runs, name the files of one of them",
+                    part.name
+                ));
+            }
+            if track.series.time_s.last() == part.series.time_s.first() {
+                track.series.time_s.pop();
+                track.series.value.pop();
+            }
+            *place = order.min(*place);
+            track.series.time_s.extend(part.series.time_s);
+            track.series.value.extend(part.series.value);
+            track.series.gaps.extend(part.series.gaps);
+        }
+        tracks.sort_by_key(|(order, _)| *order);
+        whole.tracks = tracks.into_iter().map(|(_, track)| track).collect();
+        Ok(whole)
+    }
 }
 
 /// A wall-clock time, and how finely it was written.
@@ -51,14 +122,24 @@ pub struct Track {
     pub repairs: Vec<Repair>,
     /// The name that it shares with a column before it; its own is numbered.
     pub shares: Option<String>,
+    /// Which column of its table it is, from 1, where it is one.
+    pub place: Option<usize>,
 }
 
 impl Track {
-    /// Whether a user who writes `name` means it.
+    /// Whether a user who writes `name` means it: by its full name, the short one, or its place, as in `column 3`.
     pub fn is_called(&self, name: &str) -> bool {
-        self.name == name || self.short == name
+        self.name == name || self.short == name || self.place.is_some_and(|place| is_place(name, place))
     }
 }
+
+/// Whether a name is that of a column by its place: `column 3`.
+pub(crate) fn is_place(name: &str, place: usize) -> bool {
+    name.strip_prefix(NAMELESS).and_then(|number| number.parse().ok()) == Some(place)
+}
+
+/// How columns are called by their places.
+pub(crate) const NAMELESS: &str = "column ";
 
 /// Which of two numbers below 13 is the day.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

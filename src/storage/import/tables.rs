@@ -6,7 +6,6 @@ use crate::storage::error::LogError;
 use crate::storage::import::arrays::times::short;
 use crate::storage::import::csv;
 use crate::storage::import::source::{Repair, SourceFile, SourceOptions, counted};
-use crate::storage::layout::to_s;
 use crate::storage::nearest::listed;
 
 /// What was found in such a file.
@@ -47,35 +46,17 @@ pub(crate) fn read(tables: Tables, path: &Path, options: &SourceOptions) -> Resu
             .extend(others.into_iter().map(|(name, _)| (name, "its times have no date, those of others do".into())));
         files = kept;
     }
-    let mut starts = files.iter().filter_map(|(_, file)| file.start).collect::<Vec<_>>();
-    starts.sort_by_key(|start| start.unix_ns);
-    let mut whole = SourceFile { start: starts.first().copied(), repairs, ..SourceFile::default() };
-    for (_, file) in files {
-        let late_s = match (file.start, whole.start) {
-            (Some(own), Some(first)) => to_s((own.unix_ns - first.unix_ns) as i64),
-            _ => 0.0,
-        };
-        for mut track in file.tracks {
-            track.series.time_s.iter_mut().for_each(|t| *t += late_s);
-            track
-                .series
-                .gaps
-                .iter_mut()
-                .for_each(|gap| (gap.from_s, gap.to_s) = (gap.from_s + late_s, gap.to_s + late_s));
-            // what has one name in several groups is one sensor, until somebody says which
-            if paths && track.short.contains('/') {
-                whole.spare_tracks = true;
-                track.name = std::mem::take(&mut track.short);
-                track.short = short(&track.name).to_owned();
-            }
-            whole.tracks.push(track);
-        }
-        whole.notes.extend(file.notes);
-        whole.others.extend(file.others);
+    for file in files.iter_mut().map(|(_, file)| file) {
         // the tabs are ours
-        let news = file.repairs.into_iter().filter(|r| r.what != "separator" && !whole.repairs.contains(r));
-        whole.repairs.extend(news.collect::<Vec<_>>());
+        file.repairs.retain(|repair| repair.what != "separator");
+        // what has one name in several groups is one sensor, until somebody says which
+        for track in file.tracks.iter_mut().filter(|track| paths && track.short.contains('/')) {
+            file.spare_tracks = true;
+            track.name = std::mem::take(&mut track.short);
+            track.short = short(&track.name).to_owned();
+        }
     }
+    let mut whole = SourceFile::joined(files.into_iter().map(|(_, file)| file).collect(), repairs);
     if whole.tracks.is_empty() {
         let nothing = || LogError::SourceFile { path: path.into(), why: nothing_in(&left_out) };
         return Err(first_fault.unwrap_or_else(nothing));

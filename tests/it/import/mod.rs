@@ -6,6 +6,7 @@ mod devices;
 mod foreign;
 mod mcap;
 mod tdms;
+mod written;
 
 use std::fs;
 use std::path::PathBuf;

@@ -16,9 +16,9 @@ use crate::cli::console::outcome::{AnyError, CommandResult, Outcome};
 use crate::cli::console::print::{say, say_text, tell};
 use crate::draft::answers::{
     Amiss, Answers, CLOSING_TIME, Drafted, INNER_DIAMETER, LENGTH, Measured, PLACE, RATE, SUPPLIES, TEMPERATURE, WALL,
-    flow, known_materials, material, supply,
+    flow, known_materials, material, no_pressure, supply,
 };
-use crate::draft::{Said, contradictions, has_flow, without_pressure};
+use crate::draft::{LIKE_THE_AIR, Said, WRITTEN, contradictions, has_flow, without_pressure};
 use crate::report::advice::quoted;
 use crate::report::rig_drawing;
 use crate::rig::check::{Finding, Level, check as check_rig};
@@ -28,15 +28,16 @@ use crate::rig::sizes::{EXAMPLES, PipeSize, pipe_size};
 use crate::rig::{Rig, Sensor, SensorKind, quantity_of, spelled_unit};
 use crate::shown::Shown as _;
 use crate::storage::import::{Line, SourceFile, SourceOptions, check_names, read_source};
-use crate::storage::output;
+use crate::storage::{LogError, output};
 use crate::units::written::measure;
 use crate::units::{Quantity, Unit};
 
 /// Write a rig file: asks what is not given, and takes the sensors from a file of the test.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// A file of a test (CSV, Excel, TDMS, MCAP): its columns become the sensors.
-    file: Option<PathBuf>,
+    /// Files of a test (CSV, Excel, TDMS, MCAP): their columns become the sensors. Several are parts of one run, or its sensors.
+    #[arg(value_name = "FILE")]
+    files: Vec<PathBuf>,
     /// The rig file to write; must not exist.
     #[arg(short, long, value_name = "RIG", default_value = "rig.toml")]
     output: PathBuf,
@@ -113,11 +114,11 @@ pub fn run(mut args: Args, json: bool) -> CommandResult {
     let ask = Ask { asks, dialogue: Dialogue::default() };
     let source = guessing(&args.foreign);
     // A file that cannot be read costs no answers; one that only counts its samples lacks but one.
-    let read = match args.file.as_deref().map(|file| read_source(file, &source)) {
-        Some(Err(error)) if asks && error.lacks_rate() => None,
-        read => read.transpose()?,
+    let read = match read_all(&args.files, &source) {
+        Err(error) if asks && error.lacks_rate() => None,
+        read => read?,
     };
-    if let (Some(file), Some(read)) = (&args.file, &read) {
+    if let (Some(file), Some(read)) = (args.files.first(), &read) {
         check_names(read, file, None, &source)?;
     }
     if asks {
@@ -141,7 +142,7 @@ pub fn run(mut args: Args, json: bool) -> CommandResult {
     }
     if !left_out.is_empty() {
         tell!(
-            "left out, because they look like no sensor: {} (a column of volts or mA becomes one by --scale, as in --scale 'NAME=1..5 -> 0..10 bar')",
+            "left out, because they look like no sensor: {} (a column of volts or mA becomes one by --scale, as in --scale 'NAME=1..5 -> 0..10 bar', a pressure by its place, as in --sensor 'NAME=12.5')",
             left_out.join(", ")
         );
     }
@@ -166,6 +167,13 @@ pub fn run(mut args: Args, json: bool) -> CommandResult {
     Ok(Outcome::Done)
 }
 
+/// What the files hold together; none where there is no file.
+fn read_all(files: &[PathBuf], source: &SourceOptions) -> Result<Option<SourceFile>, LogError> {
+    let parts: Vec<SourceFile> = files.iter().map(|file| read_source(file, source)).collect::<Result<_, _>>()?;
+    let Some(last) = files.last() else { return Ok(None) };
+    SourceFile::continued(parts).map(Some).map_err(|why| LogError::SourceFile { path: last.clone(), why })
+}
+
 /// How the file is read: what its options leave open is guessed.
 fn guessing(foreign: &ForeignArgs) -> SourceOptions {
     SourceOptions { guess: true, ..foreign.clone().options() }
@@ -183,14 +191,15 @@ struct Answered<'a> {
 fn answered<'a>(args: &Args, read: Option<&'a SourceFile>, ask: &Ask) -> Result<Answered<'a>, AnyError> {
     let mut foreign = args.foreign.clone();
     let mut read = read.map(Cow::Borrowed);
-    if let (Some(file), None) = (&args.file, &read) {
+    if let (Some(file), None) = (args.files.first(), &read) {
         foreign.rate = Some(ask.dialogue.number(&format!("no column holds times; {}", RATE.words), &RATE)?);
-        let counted = read_source(file, &guessing(&foreign))?;
-        check_names(&counted, file, None, &guessing(&foreign))?;
-        read = Some(Cow::Owned(counted));
+        read = read_all(&args.files, &guessing(&foreign))?.map(Cow::Owned);
+        if let Some(counted) = &read {
+            check_names(counted, file, None, &guessing(&foreign))?;
+        }
     }
     let mut answers = given(args, &foreign);
-    let refused = |amiss: Amiss| match (&args.file, &amiss) {
+    let refused = |amiss: Amiss| match (args.files.first(), &amiss) {
         (Some(file), Amiss::NoPressure { .. }) => format!("{}: {amiss}", file.shown()),
         _ => amiss.to_string(),
     };
@@ -200,7 +209,7 @@ fn answered<'a>(args: &Args, read: Option<&'a SourceFile>, ask: &Ask) -> Result<
         foreign.scale.extend(ask.transducers(&columns)?);
         answers.columns.source = guessing(&foreign);
         if without_pressure(read, &answers.columns).is_some() {
-            return Err(refused(Amiss::NoPressure { columns }).into());
+            return Err(refused(no_pressure(read, columns)).into());
         }
     }
     ask.pipe(&mut answers, args.pipe.as_deref())?;
@@ -236,8 +245,14 @@ fn unstated_units(sensors: &[DraftSensor]) -> Option<String> {
     let open = |is_pressure: bool| {
         sensors.iter().filter(move |s| !s.unit.why.is_empty() && (s.kind == SensorKind::Pressure) == is_pressure)
     };
-    let pressures: Vec<&str> = open(true).map(|s| s.name.as_str()).collect();
-    let mut remedies = Vec::new();
+    // a unit that is written and not known is for nobody to replace
+    let written = |s: &&DraftSensor| s.unit.why.starts_with(WRITTEN);
+    let pressures: Vec<&str> = open(true).filter(|s| !written(s)).map(|s| s.name.as_str()).collect();
+    let mut remedies: Vec<String> = Vec::new();
+    remedies.extend(open(true).filter(written).map(|s| {
+        let name = &s.name;
+        format!("what the numbers of '{name}' stand for with --scale, as in --scale '{name}=0.01*x bar'")
+    }));
     if !pressures.is_empty() {
         remedies.push(format!("that of the pressures ({}) with --unit, as in --unit bar", pressures.join(", ")));
     }
@@ -246,16 +261,18 @@ fn unstated_units(sensors: &[DraftSensor]) -> Option<String> {
         format!("that of '{name}' ({kind}) with --scale, as in --scale '{name}={usual}', or leave it out with --ignore '{name}'")
     }));
     let why = sensors.iter().find(|s| !s.unit.why.is_empty())?.unit.why.as_str();
-    Some(format!("{why}. Give the unit: {}", remedies.join("; ")))
+    let what = if why.starts_with(WRITTEN) { "Give" } else { "Give the unit:" };
+    Some(format!("{why}. {what} {}", remedies.join("; ")))
 }
 
 /// What to do next, as a command.
 fn next(args: &Args) -> String {
     let rig = quoted(&args.output.shown());
-    match &args.file {
+    match args.files.first() {
         Some(file) => {
             let recording = quoted(&format!("{}.mcap", stem(file)));
-            format!("surgescope import {} --rig {rig}{} -o {recording}", quoted(&file.shown()), args.foreign)
+            let files = args.files.iter().map(|file| quoted(&file.shown()).to_string()).collect::<Vec<_>>().join(" ");
+            format!("surgescope import {files} --rig {rig}{} -o {recording}", args.foreign)
         }
         None => format!("surgescope simulate --rig {rig} -o run.mcap"),
     }
@@ -276,7 +293,7 @@ fn unknown_places(sensors: &[DraftSensor]) -> Option<String> {
     let first = assumed().find(|s| assumed().filter(|o| o.position_m == s.position_m).count() > 1)?;
     let names: Vec<&str> = assumed().filter(|o| o.position_m == first.position_m).map(|s| s.name.as_str()).collect();
     Some(format!(
-        "nothing says where {} are: {}. Give their distances from the supply in m, as in --sensor '{}={}'",
+        "nothing says where {} are: {}. Name the file with the closure as well, or give their distances from the supply in m, as in --sensor '{}={}'",
         names.join(" and "),
         first.position_m.why.trim_end_matches(": at the valve"),
         names[0],
@@ -284,11 +301,22 @@ fn unknown_places(sensors: &[DraftSensor]) -> Option<String> {
     ))
 }
 
+/// What to give of a pressure that stays at that of the air.
+fn barometer(sensors: &[DraftSensor]) -> Option<String> {
+    let DraftSensor { name, position_m, .. } = sensors.iter().find(|s| s.position_m.why.starts_with(LIKE_THE_AIR))?;
+    Some(format!(
+        "'{name}': {}. If it measures the air, leave it out with --ignore '{name}'; if it stands at the pipe, give its place, as in --sensor '{name}={}'",
+        position_m.why.trim_end_matches(": at the supply"),
+        position_m.value
+    ))
+}
+
 /// What the user confirms of what was assumed.
 fn confirmed(draft: &mut Draft, args: &Args, ask: &Ask) -> Result<(), AnyError> {
     let place = PLACE.up_to(draft.length_m);
     ask.units(&mut draft.sensors)?;
-    if let (false, Some(text)) = (ask.asks, unknown_places(&draft.sensors)) {
+    let open = unknown_places(&draft.sensors).or_else(|| barometer(&draft.sensors));
+    if let (false, Some(text)) = (ask.asks, open) {
         return Err(text.into());
     }
     ask.confirm(TEMPERATURE.words, &TEMPERATURE, &mut draft.temperature_degc)?;

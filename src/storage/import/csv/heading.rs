@@ -70,18 +70,25 @@ pub(crate) fn is_known_unit(text: &str) -> bool {
 
 /// Name and unit of a heading: `P1 (bar)`, `P1 [kPa]`, `P1 / kPa`, `P1/psi`, `Pres, kPa (logger 7)`; where the unit is none that is known, brackets and
 /// ` / ` show it all the same. A unit behind an underscore, a blank or a point must be known: `P1_psi`, `P1 PSI`, `P1.psi`, MATLAB's `P1_psi_`.
+/// A factor in a heading, `P1 x10 (bar)`, belongs to the unit and makes an unknown one of it: which way it is meant, nobody can tell.
 pub(crate) fn header_unit(heading: &str) -> Option<(String, String)> {
     let heading = heading.split_whitespace().collect::<Vec<_>>().join(" ");
-    let bracketed = in_brackets(&heading).or_else(|| behind(&heading, " / ")).or_else(|| within(&heading));
-    if let Some((name, unit)) = &bracketed
-        && is_known_unit(unit)
-    {
-        return Some(with_factor(name, unit, |word| {
-            is_factor(word) && !word.starts_with(|c: char| c.is_ascii_digit())
-        }));
+    match take_factor(&heading) {
+        Some((rest, factor)) => {
+            let (name, unit) = plain_unit(&rest).unwrap_or((rest, String::new()));
+            Some((name, format!("{factor} {unit}").trim_end().to_owned()))
+        }
+        None => plain_unit(&heading),
+    }
+}
+
+fn plain_unit(heading: &str) -> Option<(String, String)> {
+    let bracketed = in_brackets(heading).or_else(|| behind(heading, " / ")).or_else(|| within(heading));
+    if bracketed.as_ref().is_some_and(|(_, unit)| is_known_unit(unit)) {
+        return bracketed;
     }
     // what stands in brackets may be a remark
-    let rest = bracketed.as_ref().map_or(heading.as_str(), |(name, _)| name);
+    let rest = bracketed.as_ref().map_or(heading, |(name, _)| name);
     known_behind(rest).or(bracketed)
 }
 
@@ -137,29 +144,84 @@ fn known_behind(heading: &str) -> Option<(String, String)> {
         if name.is_empty() || is_letter || !is_word_unit(name, unit) {
             return None;
         }
-        Some(with_factor(name, unit, is_factor))
+        Some(with_number(name, unit))
     });
     // `Q L/min` is no minute
     last.or_else(|| listed("/"))
 }
 
-/// Name and unit: a factor before a unit belongs to it, and makes an unknown one of it.
-fn with_factor(name: &str, unit: &str, is_factor: impl Fn(&str) -> bool) -> (String, String) {
-    let begins = name.char_indices().rev().find(|(_, c)| matches!(c, '_' | ' ' | '-' | '/' | '*' | '('));
-    let at = begins.map_or(0, |(at, c)| if matches!(c, '/' | '*') { at } else { at + c.len_utf8() });
+/// Name and unit of which a number before the unit is a part: `Valve 0.01 bar`, `Valve 10^5 Pa`, but not `Channel 7 bar`.
+fn with_number(name: &str, unit: &str) -> (String, String) {
+    let at = name.rfind(['_', ' ', '-', '(']).map_or(0, |at| at + 1);
     let (before, word) = (name[..at].trim_end_matches(['_', ' ', '-', '(']), &name[at..]);
-    match is_factor(word) && !before.is_empty() {
-        true => (before.to_owned(), format!("{} {unit}", word.trim_end_matches(')'))),
+    let word = word.trim_end_matches(')');
+    let scales = is_number(word) && (word.contains(['.', ',', '^']) || word.starts_with("10"));
+    match scales && !before.is_empty() {
+        true => (before.to_owned(), format!("{word} {unit}")),
         false => (name.to_owned(), unit.to_owned()),
     }
 }
 
-/// `x10`, `0.01`, `10^5`, `*100`, `/10`: what makes another unit of the one behind it.
-fn is_factor(word: &str) -> bool {
-    let number = word.trim_start_matches(['x', '*', '/', '(']).trim_end_matches(')');
-    number.starts_with(|c: char| c.is_ascii_digit())
-        && number.chars().all(|c| c.is_ascii_digit() || ".,^eE-+".contains(c))
-        && (number.len() < word.len() || number.contains(['.', ',', '^']) || number.starts_with("10"))
+/// Signs of a factor; `x` is one only where a word begins or ends with it.
+const OPERATORS: [char; 6] = ['*', '/', '×', '·', '÷', '⋅'];
+
+/// A heading without the factor in it, and the factor: `P/100`, `t*2000`, `P1 x10 (bar)`, `Valve [x10] (bar)`, `0.1*P1`, `P1 x 10`, `Valve 1e-3 (bar)`.
+fn take_factor(heading: &str) -> Option<(String, String)> {
+    let is_edge = |c: char| c == ' ' || "()[]{}_,;".contains(c);
+    let mut words: Vec<(usize, &str)> = Vec::new();
+    let mut at = 0;
+    for piece in heading.split_inclusive(is_edge) {
+        let word = piece.trim_end_matches(is_edge);
+        words.extend((!word.is_empty()).then_some((at, word)));
+        at += piece.len();
+    }
+    let worded = |text: &str| text.contains(char::is_alphabetic);
+    let (from, to) = words.iter().enumerate().find_map(|(i, &(at, word))| {
+        if let Some((from, to)) = factor_in(word) {
+            return Some((at + from, at + to));
+        }
+        // `P1 x 10`, but not `22 x 1.5`
+        let is_sign = word == "x" || (word.chars().count() == 1 && word.starts_with(OPERATORS));
+        let before = i.checked_sub(1).map(|i| words[i].1)?;
+        let &(next, number) = words.get(i + 1)?;
+        (is_sign && worded(before) && is_number(number)).then_some((at, next + number.len()))
+    })?;
+    let rest = format!("{} {}", heading[..from].trim_end_matches('_'), heading[to..].trim_start_matches('_'));
+    let rest = ["()", "( )", "[]", "[ ]", "{}", "{ }"].iter().fold(rest, |rest, empty| rest.replace(empty, " "));
+    let rest = rest.replace("( ", "(").replace("[ ", "[").split_whitespace().collect::<Vec<_>>().join(" ");
+    worded(&rest).then(|| (rest, heading[from..to].to_owned()))
+}
+
+/// Where the factor stands in a word: all of `x10`, `10x`, `10^5` and `1e-3`, the end of `P/100`, the beginning of `0.1*P1`. One by one changes nothing.
+fn factor_in(word: &str) -> Option<(usize, usize)> {
+    let scales = |number: &str| is_number(number) && number.parse() != Ok(1.0);
+    let signs = |c: char| c == 'x' || OPERATORS.contains(&c);
+    let whole = word.strip_prefix(signs).or(word.strip_suffix(signs)).is_some_and(scales);
+    let is_power = is_number(word) && word.contains(['^', 'e', 'E']);
+    if whole || is_power {
+        return Some((0, word.len()));
+    }
+    let worded = |text: &str| text.contains(char::is_alphabetic);
+    let (first, last) = (word.find(OPERATORS)?, word.rfind(OPERATORS)?);
+    let behind = |at: usize| &word[at + word[at..].chars().next().map_or(1, char::len_utf8)..];
+    if scales(behind(last)) && worded(&word[..last]) {
+        return Some((last, word.len()));
+    }
+    let leads = !word[first..].starts_with(['/', '÷']) && scales(&word[..first]) && worded(behind(first));
+    leads.then(|| (0, word.len() - behind(first).len()))
+}
+
+/// `10`, `0.01`, `1e-3`, `10^5`.
+fn is_number(text: &str) -> bool {
+    text.starts_with(|c: char| c.is_ascii_digit())
+        && text.ends_with(|c: char| c.is_ascii_digit())
+        && text.chars().all(|c| c.is_ascii_digit() || ".,^eE-+".contains(c))
+        && !text.contains("..")
+}
+
+/// Whether what stands as a unit is a factor with or without one: it says how large numbers are, and not which way.
+pub(crate) fn is_factored(unit: &str) -> bool {
+    !is_known_unit(unit) && unit.split(' ').any(|word| is_number(word) || factor_in(word).is_some())
 }
 
 /// Whether a last word is a unit: as it is written in a rig file, in whatever case where it has three letters, and that of a time behind a time.
@@ -285,6 +347,25 @@ mod tests {
             ("Valve x10 bar", "Valve", "x10 bar"),
             ("Valve (x10) (bar)", "Valve", "x10 bar"),
             ("Valve/10 bar", "Valve", "/10 bar"),
+            ("Valve [x10] (bar)", "Valve", "x10 bar"),
+            ("P1 x10 (bar)", "P1", "x10 bar"),
+            ("P1 x 10 (bar)", "P1", "x 10 bar"),
+            ("P1_x10__bar_", "P1", "x10 bar"),
+            ("Valve (bar/10)", "Valve", "/10 bar"),
+            ("Valve (bar x10)", "Valve", "x10 bar"),
+            ("0.1*P1 (bar)", "P1", "0.1* bar"),
+            ("Valve 1e-3 (bar)", "Valve", "1e-3 bar"),
+            ("Valve 10^5 Pa", "Valve", "10^5 Pa"),
+            ("Valve 0.01 bar", "Valve", "0.01 bar"),
+            ("P/100", "P", "/100"),
+            ("t*2000", "t", "*2000"),
+            ("Time (x0.1 ms)", "Time", "x0.1 ms"),
+            ("CH1 x1 (bar)", "CH1 x1", "bar"),
+            ("Pipe 22x1.5 (bar)", "Pipe 22x1.5", "bar"),
+            ("copper 22 x 1.5 (bar)", "copper 22 x 1.5", "bar"),
+            ("Sensor 1/2 (bar)", "Sensor 1/2", "bar"),
+            ("14/03/2026 P1 (bar)", "14/03/2026 P1", "bar"),
+            ("Q (m3/h)", "Q", "m3/h"),
             ("Time (ms)", "Time", "ms"),
             ("Time_ms_", "Time", "ms"),
             ("t/us", "t", "us"),

@@ -8,8 +8,8 @@ use crate::storage::import::csv::heading::{header_unit, is_date_name, is_known_u
 use crate::storage::import::csv::lines::Line;
 use crate::storage::import::csv::row::{Row, is_row};
 use crate::storage::import::csv::settings::{Settings, is_key};
-use crate::storage::import::kinds::{NAMELESS, is_nameless, kind_of_name, pressure_unit, quantity_of_unit, same_unit};
-use crate::storage::import::source::Repair;
+use crate::storage::import::kinds::{is_nameless, kind_of_name, pressure_unit, quantity_of_unit, same_unit};
+use crate::storage::import::source::{NAMELESS, Repair, is_place};
 
 /// Rows at the beginning and at the end of a table by which it is judged.
 const JUDGED: usize = 1500;
@@ -46,6 +46,11 @@ impl Column {
             }
             Some(_) => {}
         }
+    }
+
+    /// Whether a user who writes `name` means it, the column at a place from 1.
+    pub(crate) fn is_called(&self, name: &str, place: usize) -> bool {
+        self.heading == name || self.name == name || is_place(name, place)
     }
 
     fn of(heading: &str) -> Column {
@@ -139,6 +144,9 @@ impl<'t> Layout<'t> {
                 }
             }
         }
+        if let Some(names) = names_above(&headings, &above, lines, separator, &late, width) {
+            headings = names;
+        }
         let least = if late.is_numbering(&judged) { late.least(width) } else { usize::MAX };
         let cells_at = |at: usize| aligned(heading_cells(lines[at].text, separator), least);
         let names_at = names_line(&mut headings, cells_at, &late);
@@ -222,6 +230,19 @@ impl<'t> Layout<'t> {
             contradiction,
             late,
         })
+    }
+
+    /// Gives `values` the name of a channel, which may state their unit as well.
+    pub(crate) fn take_channel(&mut self, values: &[usize], name: &str) {
+        for &i in values {
+            let old = self.columns[i].clone();
+            let heading = if values.len() == 1 { name.to_owned() } else { format!("{} {name}", old.name) };
+            let mut column = Column { suffix: old.suffix, ..Column::of(&heading) };
+            if let Some(unit) = &old.unit {
+                column.state(unit, None, &mut self.contradiction);
+            }
+            self.columns[i] = column;
+        }
     }
 
     /// Takes the units of `values`, and names of channels, from what stands around the table, for those that their headings leave without.
@@ -345,11 +366,11 @@ fn separator_of(lines: &[Line<'_>], rows: &[usize]) -> Option<char> {
     found(false).or_else(|| found(true)).or_else(by_header)
 }
 
-/// Numbers and times, at least one number, and more of them than words, as in a column of remarks.
+/// Numbers and times, at least one number, and as many as words, as in columns of channels and remarks.
 fn is_numbers(cells: &[Cell]) -> bool {
     let words = cells.iter().filter(|c| c.is_word()).count();
     let filled = cells.iter().filter(|c| **c != Cell::Empty).count();
-    cells.iter().any(|c| c.is_number()) && 2 * words < filled
+    cells.iter().any(|c| c.is_number()) && 2 * words <= filled
 }
 
 /// Words are at home in a column where more than one in so many cells is one.
@@ -392,6 +413,14 @@ impl Late {
     /// Whether a column holds numbers.
     fn is_numeric(&self, column: usize) -> bool {
         self.counts.get(column).is_some_and(|(words, others)| others > words)
+    }
+
+    /// Whether a line holds the units of half of the numbers or more.
+    fn is_units(&self, cells: &[Cow<'_, str>]) -> bool {
+        let numeric = || cells.iter().enumerate().filter(|(i, _)| self.is_numeric(*i));
+        let units =
+            numeric().filter(|(_, cell)| is_known_unit(without_brackets(cell)) || is_clock_format(cell)).count();
+        units > 0 && 2 * units >= numeric().count()
     }
 
     fn is_empty(&self, column: usize) -> bool {
@@ -456,6 +485,37 @@ fn numbers_columns(names: &[Cow<'_, str>], below: &[Cow<'_, str>]) -> bool {
         && (skipped == 1 || (marked(below) && !marked(names)))
 }
 
+/// Lines about the sensors may stand between the names and the rows: where the lines next to the rows name no time, a line above that does so is that
+/// of the names, and of the lines between only those of units belong to it.
+fn names_above(
+    headings: &[usize],
+    above: &[usize],
+    lines: &[Line<'_>],
+    separator: char,
+    late: &Late,
+    width: usize,
+) -> Option<Vec<usize>> {
+    let of = |at: usize| heading_cells(lines[at].text, separator);
+    let names_time = |at: usize| of(at).iter().any(|c| names_time(c));
+    if headings.iter().any(|at| names_time(*at)) {
+        return None;
+    }
+    let is_whole = |at: usize| {
+        let cells = of(at);
+        let named = |i: usize| cells.get(i).is_some_and(|cell| Cell::of(cell).is_word());
+        late.is_heading(&cells, width) && (0..width).all(|i| named(i) || !late.is_numeric(i))
+    };
+    let names = above.iter().copied().rev().find(|at| names_time(*at) && is_whole(*at))?;
+    let units = above.iter().copied().rfind(|at| *at > names && late.is_units(&of(*at)));
+    Some(std::iter::once(names).chain(units).collect())
+}
+
+/// Whether a heading is that of times or dates.
+fn names_time(cell: &str) -> bool {
+    let name = header_unit(cell).map_or(cell.to_owned(), |(name, _)| name);
+    is_time_name(&name) || is_date_name(&name)
+}
+
 /// The cells of a line of headings, which may stand in a comment, as numpy writes them. Where blanks separate the columns, two of them are needed
 /// where one stands within names, and a unit in brackets belongs to the name before it.
 fn heading_cells(line: &str, separator: char) -> Vec<Cow<'_, str>> {
@@ -493,13 +553,7 @@ fn names_line<'t>(
     cells_at: impl Fn(usize) -> Vec<Cow<'t, str>>,
     late: &Late,
 ) -> Option<usize> {
-    let is_units = |at: usize| {
-        let cells = cells_at(at);
-        let numeric = || cells.iter().enumerate().filter(|(i, _)| late.is_numeric(*i));
-        let units =
-            numeric().filter(|(_, cell)| is_known_unit(without_brackets(cell)) || is_clock_format(cell)).count();
-        units > 0 && 2 * units >= numeric().count()
-    };
+    let is_units = |at: usize| late.is_units(&cells_at(at));
     let is_process = |at: usize| {
         let cells = cells_at(at);
         let mut filled = cells.iter().filter(|c| !c.is_empty()).peekable();

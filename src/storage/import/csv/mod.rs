@@ -12,6 +12,7 @@ pub(crate) mod comments;
 pub(crate) mod cut;
 pub(crate) mod grid;
 pub(crate) mod heading;
+pub(crate) mod keyed;
 pub(crate) mod layout;
 pub(crate) mod lines;
 pub(crate) mod missing;
@@ -31,8 +32,9 @@ use crate::storage::error::{CsvFault, CsvProblem};
 use crate::storage::import::csv::clock::Clock;
 use crate::storage::import::csv::comments::note;
 use crate::storage::import::csv::cut::is_cut_off;
+use crate::storage::import::csv::keyed::{Channel, Keyed};
 use crate::storage::import::csv::layout::{Column, Layout};
-use crate::storage::import::csv::lines::{lines, without_receipt};
+use crate::storage::import::csv::lines::{Line, lines, without_receipt};
 use crate::storage::import::csv::missing::{Spellings, take_sentinels};
 use crate::storage::import::csv::numbers::{Numbers, thousands};
 use crate::storage::import::csv::order::put_in_order;
@@ -43,6 +45,7 @@ use crate::storage::import::csv::stamp::order_shown;
 use crate::storage::import::csv::table::column_series;
 use crate::storage::import::csv::text::{check_lines, decode};
 use crate::storage::import::source::{Repair, SourceFile, SourceOptions, Start, Track};
+use crate::storage::nearest::listed;
 
 /// Reads a table however it is written.
 ///
@@ -55,10 +58,36 @@ pub(crate) fn read(bytes: &[u8], options: &SourceOptions) -> Result<SourceFile, 
     let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
     let (all, received) = without_receipt(lines(text));
     repairs.extend(received);
-    let mut layout = Layout::find(&all).ok_or((None, Box::new(CsvProblem::Empty)))?;
-    let header_at = layout.names_at.map(|at| all[at].at);
+    let layout = Layout::find(&all).ok_or((None, Box::new(CsvProblem::Empty)))?;
     let cut =
         is_cut_off(text, layout.separator).then(|| all.iter().rev().find(|l| is_row(l.text)).map(|l| l.at)).flatten();
+    let Some(Keyed { channels }) = Keyed::find(&layout, &all) else {
+        let file = table(&all, layout, None, cut, options)?;
+        repairs.extend(file.repairs);
+        return Ok(SourceFile { repairs, ..file });
+    };
+    let names: Vec<String> = channels.iter().map(|(channel, _)| channel.name.clone()).collect();
+    let heading = channels.first().map_or("", |(channel, _)| &layout.columns[channel.column].heading);
+    let text = format!("each row is of one channel, as '{heading}' says: {}", listed(&names));
+    repairs.push(Repair::new("long-form", channels.len(), None, text));
+    let of_channel = |(channel, lines): &(Channel, Vec<Line<'_>>)| {
+        let layout = Layout::find(lines).ok_or((None, Box::new(CsvProblem::Empty)))?;
+        table(lines, layout, Some(channel), cut, options)
+    };
+    let files = channels.iter().map(of_channel).collect::<Result<Vec<SourceFile>, CsvFault>>()?;
+    Ok(SourceFile::joined(files, repairs))
+}
+
+/// Reads a table, or the rows of one channel of a table in long form. The file ends within the line `cut`.
+fn table(
+    all: &[Line<'_>],
+    mut layout: Layout<'_>,
+    channel: Option<&Channel>,
+    cut: Option<usize>,
+    options: &SourceOptions,
+) -> Result<SourceFile, CsvFault> {
+    let mut repairs = Vec::new();
+    let header_at = layout.names_at.map(|at| all[at].at);
     if all[layout.first..].iter().filter(|l| is_row(l.text) && Some(l.at) != cut).count() == 0
         || layout.rows.is_empty() && layout.names_at == Some(layout.first)
     {
@@ -70,19 +99,29 @@ pub(crate) fn read(bytes: &[u8], options: &SourceOptions) -> Result<SourceFile, 
     {
         return Err((Some(line.at), Box::new(CsvProblem::NotARow)));
     }
-    let found = roles(&mut layout, options).map_err(|problem| (header_at, Box::new(problem)))?;
-    repairs.extend(layout.repairs(&all));
+    let mut found = roles(&mut layout, options).map_err(|problem| (header_at, Box::new(problem)))?;
+    repairs.extend(layout.repairs(all));
     repairs.extend(found.repairs);
+    let is_key = |i: usize| channel.is_some_and(|channel| channel.column == i);
+    found.clocks.iter_mut().for_each(|clock| clock.values.retain(|i| !is_key(*i)));
     let values: Vec<usize> =
         (0..layout.columns.len()).filter(|i| found.clocks.iter().any(|c| c.values.contains(i))).collect();
+    if let Some(channel) = channel {
+        layout.take_channel(&values, &channel.name);
+    }
     layout.take_settings(&values);
     if let Some((line, [column, first, second])) = layout.contradiction.take()
-        && !options.scales.iter().any(|(name, _)| *name == column || column.starts_with(name))
+        && !layout
+            .columns
+            .iter()
+            .enumerate()
+            .any(|(i, c)| c.heading == column && options.scales.iter().any(|(name, _)| c.is_called(name, i + 1)))
     {
         return Err((line.or(header_at), Box::new(CsvProblem::TwoUnits { column, first, second })));
     }
     let names = distinct_names(&layout.columns, &mut repairs);
-    let worded: Vec<&str> = found.words.iter().map(|&i| names[i].0.as_str()).filter(|n| !n.is_empty()).collect();
+    let worded: Vec<&str> =
+        found.words.iter().filter(|i| !is_key(**i)).map(|&i| names[i].0.as_str()).filter(|n| !n.is_empty()).collect();
     if !worded.is_empty() {
         let text = format!("left out, because they hold words or nothing: {}", worded.join(", "));
         repairs.push(Repair::new("words", worded.len(), None, text));
@@ -115,7 +154,7 @@ pub(crate) fn read(bytes: &[u8], options: &SourceOptions) -> Result<SourceFile, 
         timed.push(Timed::new(clock, columns.values.clone(), grouped));
     }
     let mut spellings = Spellings::default();
-    let rows = Rows { layout: &layout, lines: &all, cut };
+    let rows = Rows { layout: &layout, lines: all, cut };
     repairs.extend(rows.read(&mut timed, &mut numbers, &mut spellings)?);
     repairs.extend(numbers.repairs());
     let mut tracks: Vec<(usize, Track)> = Vec::new();
@@ -154,6 +193,7 @@ pub(crate) fn read(bytes: &[u8], options: &SourceOptions) -> Result<SourceFile, 
                     unit: layout.columns[i].unit.clone(),
                     series,
                     repairs: Vec::new(),
+                    place: Some(i + 1),
                     shares: Some(&layout.columns[i].name).filter(|n| **n != names[i].1).cloned(),
                 },
             ));

@@ -5,7 +5,7 @@ use crate::robust::median;
 use crate::storage::error::CsvProblem;
 use crate::storage::import::csv::cell::Cell;
 use crate::storage::import::csv::heading::{
-    heading_unit, is_counter_name, is_known_unit, is_time_name, time_unit, unit_of_name,
+    heading_unit, is_counter_name, is_factored, is_known_unit, is_time_name, time_unit, unit_of_name,
 };
 use crate::storage::import::csv::layout::{Column, Layout};
 use crate::storage::import::csv::stamp::Stamp;
@@ -122,19 +122,40 @@ fn looks_of(layout: &Layout<'_>, column: usize) -> Looks {
     }
 }
 
-/// A unit in a column of its own is that of the values on its left.
+/// A unit in a column of its own is that of the values beside it: of those on its left, or, where one of these columns has no values there, as in
+/// `Time;Unit;Valve;Unit;Middle`, of those on the right.
 fn take_unit_columns(layout: &mut Layout<'_>, looks: &[Looks]) {
-    for i in 0..looks.len() {
-        let left = (0..i).rev().find(|&at| !matches!(looks[at], Looks::Unit(_) | Looks::Units(..) | Looks::Empty));
-        if let (Looks::Units(one, other), Some(column)) = (&looks[i], left) {
-            let heading = layout.columns[column].heading.clone();
-            layout.contradiction.get_or_insert((None, [heading, one.clone(), other.clone()]));
-        }
-        let Looks::Unit(unit) = &looks[i] else { continue };
-        if let Some(column) = left.filter(|&at| matches!(looks[at], Looks::Numbers { .. })) {
-            let mut found = layout.contradiction.take();
-            layout.columns[column].state(unit, None, &mut found);
-            layout.contradiction = found;
+    let is_unit = |i: usize| matches!(looks[i], Looks::Unit(_) | Looks::Units(..));
+    let units: Vec<usize> = (0..looks.len()).filter(|&i| is_unit(i)).collect();
+    let values = |i: Option<usize>| i.filter(|&at| matches!(looks[at], Looks::Numbers { .. }));
+    let passes = |at: &usize| !is_unit(*at) && looks[*at] != Looks::Empty;
+    let left = |i: usize| values((0..i).rev().find(passes));
+    let right = |i: usize| values((i + 1..looks.len()).find(passes));
+    // the unit of a time is that of times; others are of what is neither a time nor a counter
+    let is_time = |layout: &Layout<'_>, i: usize| {
+        let Column { heading, name, unit, .. } = &layout.columns[i];
+        matches!(looks[i], Looks::Numbers { even: true, .. })
+            || unit.as_deref().and_then(time_unit).or_else(|| heading_unit(heading)).is_some()
+            || is_time_name(name)
+    };
+    let fits = |layout: &Layout<'_>, unit: usize, column: Option<usize>| {
+        let of_time = matches!(&looks[unit], Looks::Unit(unit) if time_unit(unit).is_some());
+        column.is_some_and(|column| of_time || !is_time(layout, column))
+    };
+    let is_right = units.iter().any(|&i| !fits(layout, i, left(i))) && units.iter().all(|&i| fits(layout, i, right(i)));
+    for &i in &units {
+        let Some(column) = (if is_right { right(i) } else { left(i) }) else { continue };
+        match &looks[i] {
+            Looks::Unit(unit) => {
+                let mut found = layout.contradiction.take();
+                layout.columns[column].state(unit, None, &mut found);
+                layout.contradiction = found;
+            }
+            Looks::Units(one, other) => {
+                let heading = layout.columns[column].heading.clone();
+                layout.contradiction.get_or_insert((None, [heading, one.clone(), other.clone()]));
+            }
+            _ => {}
         }
     }
 }
@@ -152,7 +173,7 @@ impl Finder<'_, '_> {
 
     /// Whether an option names the column.
     fn is_named(&self, i: usize, mut names: impl Iterator<Item = String>) -> bool {
-        names.any(|name| name == self.column(i).heading || name == self.column(i).name)
+        names.any(|name| self.column(i).is_called(&name, i + 1))
     }
 
     /// What the user says to be a value.
@@ -168,6 +189,11 @@ impl Finder<'_, '_> {
     /// Columns that may tell the time: not what the user says to be something else.
     fn may_be_time(&self, i: usize) -> bool {
         !self.is_given(i) && !self.is_ignored(i)
+    }
+
+    /// Times with a factor, which nobody can undo, tell no time.
+    fn is_factored(&self, i: usize) -> bool {
+        self.column(i).unit.as_deref().is_some_and(is_factored)
     }
 
     /// Whether unit or name say that it is a quantity of a test. What a letter alone says, an evenly rising column is not.
@@ -199,7 +225,8 @@ impl Finder<'_, '_> {
     }
 
     fn numbers(&self) -> impl Iterator<Item = usize> {
-        (0..self.looks.len()).filter(|&i| matches!(self.looks[i], Looks::Numbers { .. }) && self.may_be_time(i))
+        let is_number = |i: usize| matches!(self.looks[i], Looks::Numbers { .. }) && !self.is_factored(i);
+        (0..self.looks.len()).filter(move |&i| is_number(i) && self.may_be_time(i))
     }
 
     fn roles(&self) -> Result<Roles, CsvProblem> {
@@ -215,6 +242,9 @@ impl Finder<'_, '_> {
         let device: Vec<usize> =
             self.numbers().filter(|&i| Some(i) != fraction && self.stated_unit(i).is_some() && is_time(i)).collect();
         let mut clocks = if let Some(rate_hz) = self.options.rate_hz {
+            if let Some(problem) = self.rate_contradicted(rate_hz, &device, host.as_ref()) {
+                return Err(problem);
+            }
             vec![self.counted(1.0 / rate_hz, host.as_ref(), None, &mut repairs)]
         } else if !device.is_empty() {
             self.device_clocks(&device, host.as_ref(), &mut repairs)
@@ -435,6 +465,26 @@ impl Finder<'_, '_> {
         }
     }
 
+    /// A rate is for what has no times, or times that repeat: those that tell another one are not passed over.
+    fn rate_contradicted(&self, rate_hz: f64, device: &[usize], host: Option<&Clock>) -> Option<CsvProblem> {
+        let of_device = |i: usize| Some((i, self.stated_unit(i)? * median_step(self.values(i))?));
+        let of_host = |clock: &Clock| {
+            let time = clock.time.filter(|_| !self.repeats_stamps(clock) && clock.fraction.is_none())?;
+            let second = |cell: &str| match Cell::of(cell) {
+                Cell::Stamp(stamp) if stamp.has_time && !stamp.in_hour => Some(stamp.seconds_of_day()),
+                _ => None,
+            };
+            Some((time, median_step(&self.layout.column(time).filter_map(second).collect::<Vec<_>>())?))
+        };
+        let usable = device.iter().copied().find(|&i| !repeats(self.values(i))).and_then(of_device);
+        let (time, step_s) = usable.or_else(|| of_host(host?))?;
+        ((step_s * rate_hz).ln().abs() > EVEN).then(|| CsvProblem::RateBesideTimes {
+            rate_hz,
+            column: self.column(time).heading.clone(),
+            step_s: format!("{}", (1e9 * step_s).round() / 1e9),
+        })
+    }
+
     /// A stated interval that is not that of the times: of two statements the times count.
     fn interval_contradicted(&self, time: usize, unit_s: f64) -> Option<Repair> {
         let (stated_s, said) = self.layout.settings.interval_s()?;
@@ -466,9 +516,14 @@ impl Finder<'_, '_> {
     fn without_time(&self) -> CsvProblem {
         let named =
             |is: &dyn Fn(usize) -> bool| (0..self.looks.len()).find(|&i| is(i)).map(|i| self.column(i).heading.clone());
-        let times = named(&|i| is_time_name(&self.column(i).name) && matches!(self.looks[i], Looks::Numbers { .. }));
+        let is_time = |i: usize| is_time_name(&self.column(i).name) && matches!(self.looks[i], Looks::Numbers { .. });
+        let factored = named(&|i| is_time(i) && self.is_factored(i));
+        let times = named(&|i| is_time(i) && !self.is_factored(i));
         let counter = named(&|i| !self.column(i).name.is_empty() && is_counter_name(&self.column(i).name));
         let text = match (&times, counter) {
+            (None, _) if let Some(name) = &factored => format!(
+                " that can be read: nobody can tell which way the factor in '{name}' is meant; write a unit alone in the heading, or give the rate of the samples with option `rate`"
+            ),
             (Some(name), _) => {
                 format!(" in a unit that can be guessed: give the unit of '{name}' with option `time_unit`")
             }

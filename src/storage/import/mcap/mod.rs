@@ -60,7 +60,15 @@ fn ours(bytes: &[u8], path: &Path) -> Result<SourceFile, LogError> {
     let sensors = recording.rig.sensors.iter().zip(recording.series).filter(|(_, s)| !s.time_s.is_empty());
     let tracks = sensors.map(|(sensor, series)| {
         let unit = Some(sensor.unit.symbol.to_string());
-        Track { name: sensor.name.clone(), short: sensor.name.clone(), unit, series, repairs: Vec::new(), shares: None }
+        Track {
+            name: sensor.name.clone(),
+            short: sensor.name.clone(),
+            unit,
+            series,
+            repairs: Vec::new(),
+            shares: None,
+            place: None,
+        }
     });
     let unix_ns = recording.run.start_unix_ns;
     Ok(SourceFile {
@@ -273,7 +281,15 @@ impl<'o> Reading<'o> {
                     );
                 repairs.push(Repair { lost: true, ..Repair::new("duplicate-times", repeated, None, text) });
             }
-            tracks.push(Track { short: name.clone(), name, unit: None, series, repairs: Vec::new(), shares: None });
+            tracks.push(Track {
+                short: name.clone(),
+                name,
+                unit: None,
+                series,
+                repairs: Vec::new(),
+                shares: None,
+                place: None,
+            });
         }
         let unix_ns = u64::try_from(zero_ns).ok().filter(|_| zero_ns > YEAR_NS);
         let start = unix_ns.map(|unix_ns| Start { unix_ns, digit_s: 1e-6 });

@@ -145,7 +145,8 @@ fn found(
         _ => None,
     });
     let series = Series { time_s, value: values, gaps: Vec::new() };
-    let track = Track { name: channel.path.clone(), short: short.clone(), unit, series, repairs, shares: None };
+    let track =
+        Track { name: channel.path.clone(), short: short.clone(), unit, series, repairs, shares: None, place: None };
     Ok(Found::Track(Box::new(Timed { track, start_ns, holes_s })))
 }
 
