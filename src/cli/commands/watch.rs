@@ -151,12 +151,9 @@ impl Watch {
             let again = self.index.retry()?;
             tell!("{again} failed run{} tried again", if again == 1 { " is" } else { "s are" });
         }
-        for run in self.index.given_up()? {
-            if self.folder().join(&run.file).exists() {
-                self.tell_end(run.id)?;
-            }
-        }
         let all = self.index.all()?;
+        let failed = all.iter().filter(|run| run.state == State::Failed && self.folder().join(&run.file).exists());
+        failed.map(|run| run.id).collect::<Vec<_>>().into_iter().try_for_each(|id| self.tell_end(id))?;
         let count = |state| all.iter().filter(|r| r.state == state).count();
         let (done, failed) = (count(State::Done), count(State::Failed));
         let until = if self.args.once { "" } else { "; Ctrl-C ends" };
