@@ -11,6 +11,36 @@ const mess = (csv) => {
   return [heading, ...lines.slice(1).map((line) => line.replaceAll(",", ";").replaceAll(".", ","))].join("\n");
 };
 
+// Two loggers of one closure: what the second has is taken out of the first.
+const parted = (csv, name) => {
+  const lines = csv.split("\n").filter((line) => line && !line.startsWith("#")).map((line) => line.split(","));
+  const at = lines[0].indexOf(name);
+  const rows = (keep) => lines.map((cells) => cells.filter((_, i) => i === 0 || keep(i))).filter((cells) => cells.slice(1).some(Boolean)).map((cells) => cells.join(",")).join("\n");
+  return [rows((i) => i !== at), rows((i) => i === at)];
+};
+
+await story("two files that are dropped together become one recording", { files: { "run.mcap": "hdpe-creep.mcap" }, words: ["run.mcap"] }, async ({ folder, text, page: open, state, shot }) => {
+  text("export", "run.mcap", "-o", "plain.csv");
+  const files = parted(readFileSync(join(folder, "plain.csv"), "utf8"), "P2");
+  const page = await open();
+  await settled(page);
+  const drop = (names) => page.evaluate(([contents, names]) => {
+    const data = new DataTransfer();
+    contents.forEach((content, i) => data.items.add(new File([content], names[i], { type: "text/csv" })));
+    document.dispatchEvent(new DragEvent("drop", { dataTransfer: data, bubbles: true }));
+  }, [files, names]);
+  await drop(["valve.csv", "middle.csv"]);
+  await page.waitForFunction(() => document.querySelector("#import h3")?.textContent === "valve.csv and middle.csv, as understood");
+  const said = await page.textContent("#import");
+  assert(said.includes("middle.csv: aligned by the front"), said);
+  await shot(page, "two-files");
+  await page.click("#import button.primary");
+  await page.waitForFunction(() => document.querySelector("#title").textContent.includes("valve.mcap"));
+  await settled(page);
+  const sensors = (await state()).open.runs[0].sensors.map((sensor) => sensor.name).sort();
+  assert.deepEqual(sensors, ["P1", "P2", "P3"]);
+});
+
 await story("a messy table is mapped and fitted as by `import` and `calibrate`", { files: { "run.mcap": "copper-leak.mcap" }, words: ["run.mcap"] }, async ({ folder, command, text, page: open, state, shot }) => {
   text("export", "run.mcap", "-o", "plain.csv");
   const messy = mess(readFileSync(join(folder, "plain.csv"), "utf8"));

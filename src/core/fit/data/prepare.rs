@@ -142,7 +142,7 @@ fn plausible_speed(rig: &Rig, water: &WaterProperties, features: &Features) -> O
     [
         speeds.crossings.map(|c| c.value),
         speeds.arrival.map(|a| a.value),
-        features.period.map(|p| 4.0 * rig.length_m() / p.value),
+        speeds.period.map(|p| p.value),
         speeds.joukowsky.map(|j| j.value),
     ]
     .into_iter()
