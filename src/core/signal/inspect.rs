@@ -38,7 +38,8 @@ pub(crate) fn inspect_stations(
     let guess_s = reference.period_s();
     let cycle_m = rig.cycle_m(&rig.fluid.properties(temperature_degc));
     let about = guess_s.map(|t| Estimate { value: cycle_m / t, standard_error: f64::NAN });
-    let ThereAndBack { crossings, smear, slow } = wavespeed::there_and_back(&clear, length_m, about);
+    let ThereAndBack { crossings, smear, slow } =
+        wavespeed::there_and_back(&clear, length_m, about, rig.pipes.len() > 1);
     let arrival = wavespeed::arrival(&clear, smear, about.map(|a| a.value)).filter(|_| !slow);
     let step_s = reference.coarse.step_s;
     // without a match the half fall is the next best measure of 2L/a
