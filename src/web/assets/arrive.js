@@ -96,11 +96,13 @@ export async function arrive(files) {
       return [map, found.columns.filter((c) => !taken.has(c)), choices.filter(([, choice]) => !choice.value).map(([sensor]) => sensor)];
     };
     const needed = new Map(found.remarks.map((remark) => [remark.field, remark.says]));
+    // what a person has to say is not guessed
+    const open = found.remarks.filter((remark) => remark.weight === "open").map((remark) => remark.field);
     const ofReading = READING.filter(([key]) => reading[key] || needed.has(key)).map(([key, label, example, choices]) => {
       const input = entry(reading[key] ?? "", example, choices, () => {});
       input.dataset.key = key;
       input.addEventListener("change", () => { reading[key] = input.value; look(...said(), false); });
-      return h("label", {}, `${label} `, input, h("span", { class: "hint", text: ` ${needed.get(key) ?? ""}` }));
+      return h("label", {}, `${label} `, input, h("span", { class: open.includes(key) ? "advice" : "hint", text: ` ${needed.get(key) ?? ""}` }));
     });
     const line = ([sensor, choice]) => {
       const volts = h("input", { type: "text", size: 18, placeholder: "psi, or 1..5 -> 0..10 bar", value: scale.get(sensor) ?? "", "aria-label": `Unit of the numbers of ${sensor}, or the ranges of its transducer, where the heading does not say`, "data-key": `scale ${sensor}`, onchange: () => {
@@ -110,14 +112,14 @@ export async function arrive(files) {
       const s = understood.get(sensor);
       return h("tr", {}, h("th", { scope: "row", text: sensor }), h("td", {}, choice), h("td", {}, volts), h("td", { text: s?.unit ?? "" }), h("td", { class: "number", text: s?.samples ?? "" }), h("td", { class: "number", text: s ? s.first.map((v) => digits(v, 4)).join("  ") : "" }));
     };
-    const notes = found.problem ? [] : [...new Set([found.taken, ...found.joined, ...found.mended.map((m) => m.text), ...found.warnings.map((w) => w.text), ...found.sensor_faults.map((f) => f.says), ...found.doubts].filter(Boolean))];
+    const notes = found.problem ? [] : [...new Set([found.taken, ...found.joined, ...found.mended.map((m) => (m.guessed ? `a guess: ${m.text}` : m.text)), ...found.warnings.map((w) => w.text), ...found.sensor_faults.map((f) => f.says), ...found.doubts].filter(Boolean))];
     put(box, h("div", { class: "card arriving" },
       h("h3", { text: found.problem ? `${names}: which column is which sensor?` : `${names}, as understood` }),
       found.problem ? h("p", { class: "advice", text: found.problem }) : null,
       rigs(found), aligned(),
       ofReading, h("table", {}, h("thead", {}, h("tr", {}, ["sensor", "column of the file", "another unit, or from V or mA", "unit", "samples", "first values"].map((text) => h("th", { scope: "col", text })))), h("tbody", {}, choices.map(line))),
       notes.length ? h("ul", {}, notes.map((text) => h("li", { text }))) : null,
-      h("p", { class: "buttons" }, h("button", { type: "button", class: "primary", text: "Import", disabled: Boolean(found.problem), onclick: () => look(...said(), true) }), h("button", { type: "button", text: "Do not import", onclick: () => put(box) }), found.as_it_is || others.length ? null : h("button", { type: "button", text: "It is of another rig: make one", onclick: () => withoutRig(file, true).catch(complain) }))));
+      h("p", { class: "buttons" }, h("button", { type: "button", class: "primary", text: "Import", disabled: Boolean(found.problem || open.length), onclick: () => look(...said(), true) }), h("button", { type: "button", text: "Do not import", onclick: () => put(box) }), found.as_it_is || others.length ? null : h("button", { type: "button", text: "It is of another rig: make one", onclick: () => withoutRig(file, true).catch(complain) }))));
   };
   await look([], [], [], false);
 }

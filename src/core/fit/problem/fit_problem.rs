@@ -14,7 +14,6 @@ use crate::fit::problem::latest::Latest;
 use crate::fit::problem::objective::{Bins, Objective};
 use crate::fit::problem::parameters::placed_sensor;
 use crate::fit::problem::rows::SampleRows;
-use crate::fit::problem::thresholds::MOST_OF_CLOSURE;
 use crate::fit::progress::Passing;
 use crate::model::constraint::{Constraint, Given};
 use crate::model::parameter::{Parameter, Scale};
@@ -356,11 +355,6 @@ impl<'a> FitProblem<'a> {
         Ok(out)
     }
 
-    /// A time step of the grid at the values where a fit starts, s.
-    fn time_step_s(&self) -> f64 {
-        0.25 * self.model.period_s(&self.start_values()[..self.model.shared.len()]) / self.window.reaches as f64
-    }
-
     /// The offset `j` that residuals were computed with, read back from its prior's residual.
     fn base_offset(&self, base: &[f64], j: usize) -> f64 {
         let row = self.samples() + self.parameters[..j].iter().filter(|p| p.prior.is_some()).count();
@@ -428,14 +422,16 @@ impl Problem for FitProblem<'_> {
 
     /// Start and end of a closure are bends of the head, and these come back with every wave. A grid shows a bend to a time step: moved by less, its
     /// two steps change by what the grid makes of it, differently where the curve is read later (the start) and where it is simulated anew (the closing
-    /// time). What both leave alone, an end that stays where it is, would seem to be seen well. So both move by one time step.
+    /// time). What both leave alone, an end that stays where it is, would seem to be seen well. So both move by one time step, unless the closure takes
+    /// less than 2L/a: then the front shows its start and its end.
     fn difference_step(&self, j: usize) -> f64 {
         if let Some((own, closing)) = self.run_of(j).map(|r| (j - self.run_offsets[r], self.closing_time_variable(r))) {
             let closing_s = self.parameters[closing].start;
-            let step_s = self.time_step_s().min(MOST_OF_CLOSURE * closing_s);
+            let period_s = self.model.period_s(&self.start_values()[..self.model.shared.len()]);
+            let step_s = 0.25 * period_s / self.window.reaches as f64;
             match own {
-                CLOSING_TIME => return (step_s / closing_s).ln_1p(),
-                CLOSURE_START => return step_s,
+                CLOSING_TIME if closing_s > 0.5 * period_s => return (step_s / closing_s).ln_1p(),
+                CLOSURE_START if closing_s > 0.5 * period_s => return step_s,
                 _ => {}
             }
         }

@@ -8,8 +8,6 @@ pub(crate) const FARTHEST_SD: f64 = 6.0;
 pub(crate) const PHASE_SHARE: f64 = 1e-3;
 /// Share of a period before the closure that still counts as the first rise: the start of the closure is not known to the sample. Chosen.
 pub(crate) const FIRST_RISE_LEAD: f64 = 0.05;
-/// Most of a closure by which a finite difference moves its start or its end. Chosen: beyond, the difference is no slope.
-pub(crate) const MOST_OF_CLOSURE: f64 = 0.05;
 /// How far a step along one direction may go back and on, in lengths of the direction. Chosen.
 pub(crate) const DIRECTION_SHARES: (&[f64], &[f64]) = (&[-1.0], &[30.0]);
 
