@@ -34,6 +34,7 @@ def fitted(args, rig_text, name, share, stated, seed, work):
     settings = json.loads(said(program, "simulate", "--rig", rig, "--set", *args.set, "--json", "-o", at / "any.mcap"))["settings"]
     return_s = 2 * length_m / settings["wave_speed_m_s"]
     closing_s = share * return_s
+    true = {"wave_speed_m_s": settings["wave_speed_m_s"], "closing_time_s": closing_s}
     if stated:
         rig.write_text(re.sub(r"(?m)^closing_time_s = \S+", f"closing_time_s = {closing_s:.6f}", rig_text))
     said(program, "simulate", "--rig", rig, "--set", *args.set, f"closing_time_s={closing_s}", "--seed", seed,
@@ -50,7 +51,8 @@ def fitted(args, rig_text, name, share, stated, seed, work):
         samples = sum(s["samples"] for s in run["sensors"])
         before_m = (sum(s["samples"] * s["start_rmse_m"] ** 2 for s in run["sensors"]) / samples) ** 0.5
         row |= {"left": run["rmse_m"] / noise_m, "before": before_m / noise_m,
-                "found": {p["name"]: p["value"] for p in fit["parameters"]}}
+                "off": {p["name"]: (p["value"] - true[p["name"]]) / p["standard_error"] for p in fit["parameters"]
+                        if p["name"] in true and p["standard_error"]}}
     except RuntimeError as error:
         row |= {"left": float("inf"), "before": float("nan"), "error": str(error)}
     return row
@@ -89,6 +91,11 @@ def main():
     down = sum(r["left"] <= DOWN_TO_THE_NOISE for r in rows)
     worse = sum(r["left"] > r["before"] for r in rows)
     print(f"\n{down} of {len(rows)} fits are down to the noise, {down / len(rows):.1%}; {worse} end worse than they began.")
+    for name in ("wave_speed_m_s", "closing_time_s"):
+        off = [row["off"][name] for row in rows if name in row.get("off", {})]
+        within = sum(abs(z) < 1.96 for z in off)
+        if off:
+            print(f"{name}: {within} of {len(off)} within 1.96 standard errors of the truth; rms {(sum(z * z for z in off) / len(off)) ** 0.5:.2f}, worst {max(map(abs, off)):.1f}")
 
 
 main()

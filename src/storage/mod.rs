@@ -24,6 +24,7 @@ pub(crate) mod retime;
 pub mod schema;
 pub(crate) mod sink;
 pub(crate) mod summary;
+pub mod together;
 pub mod viewer;
 pub mod with_model;
 pub(crate) mod write;

@@ -61,7 +61,7 @@ pub enum Error {
     #[error("{} holds models of the rig {}: choose another file", file.shown(), rig.shown())]
     OtherRigFile { file: PathBuf, rig: PathBuf },
     #[error(
-        "the model was fitted to another pipeline than these recordings ({0}): its wave speed and creep do not carry over"
+        "these recordings are of another pipeline than the model's ({0}): its wave speed and creep do not carry over"
     )]
     OtherPipeline(String),
     #[error("the recordings that {} was fitted to cannot be read, so nobody knows whether its pipeline is this one", .0.shown())]

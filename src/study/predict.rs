@@ -82,7 +82,7 @@ fn origin(study: &Study, asked: &Question, file: &ModelFile) -> Result<Vec<Strin
         if !asked.other_pipeline {
             return Err(Error::OtherPipeline(what));
         }
-        warnings.push(format!("the model was fitted to another pipeline: {what}"));
+        warnings.push(format!("these recordings are of another pipeline than the model's: {what}"));
     }
     if !found.sensors.is_empty() {
         warnings.push(format!("sensors differ from the model's rig: {}", found.sensors.join("; ")));

@@ -2,7 +2,8 @@
 
 use crate::diagnose::{Diagnosis, Verdict};
 use crate::fit::outcome::fit::{Fit, FittedParameter};
-use crate::report::text::number::{error_m, plus_minus, probability, times_noise, with_error};
+use crate::report::history::text::value_of;
+use crate::report::text::number::{error_m, plus_minus, probability, times_noise};
 use crate::results::history::drift::{Expected, Point, expected};
 use crate::results::history::{Finding, Run, Value};
 
@@ -127,7 +128,7 @@ pub fn line(diagnosis: &Diagnosis, finding: &Finding, compared: &Compared, accep
     let speeds = finding.parameters.iter().filter(|v| v.name.starts_with("wave_speed_m_s"));
     parts.extend(speeds.map(|v| {
         let pipe = v.name.trim_start_matches("wave_speed_m_s");
-        format!("a{pipe} {} m/s", shown(v))
+        format!("a{pipe} {} m/s", value_of(v, finding))
     }));
     parts.push(match (compared.earlier, compared.compared) {
         (0, _) => "first run of this rig and model".to_owned(),
@@ -140,7 +141,7 @@ pub fn line(diagnosis: &Diagnosis, finding: &Finding, compared: &Compared, accep
                 format!(
                     "{} {} where {} runs gave {}",
                     value.name,
-                    shown(value),
+                    value_of(value, finding),
                     earlier,
                     plus_minus(expected.value, expected.half_width)
                 )
@@ -158,10 +159,6 @@ pub fn line(diagnosis: &Diagnosis, finding: &Finding, compared: &Compared, accep
         (false, Verdict::UnknownEffect) => {}
     }
     line
-}
-
-fn shown(value: &Value) -> String {
-    with_error(value.value, value.standard_error.unwrap_or(f64::INFINITY))
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde_json::Value as Json;
 use surgescope::results::history::index::{Entered, Name};
-use surgescope::results::history::{Accepted, Finding, Index, NOTHING_MISSING, Value};
+use surgescope::results::history::{Accepted, Finding, Index, NOTHING_MISSING, Run, State, Value};
 
 use crate::common::{ended, run, text};
 
@@ -43,7 +43,7 @@ fn index(folder: &Path) {
             missing: leaky.then(|| "leak".to_owned()),
             probability: 0.98,
             line: "a line".into(),
-            rmse_m: 0.031,
+            rmse_m: if leaky { 0.3 } else { 0.031 },
             noise_m: 0.03,
             parameters: vec![
                 value("wave_speed_m_s", exact + off * error, Some(error), "m/s", false),
@@ -56,6 +56,10 @@ fn index(folder: &Path) {
             Accepted { file: run.file.clone(), when: "now".into(), how: "automatic".into(), model: String::new() };
         index.done(run, "lab", &finding, Some(&accepted).filter(|_| i == 7)).unwrap();
     }
+}
+
+fn failed(index: &Index) -> Vec<Run> {
+    index.all().unwrap().into_iter().filter(|run| run.state == State::Failed).collect()
 }
 
 /// A run that the program does not survive is begun so often, then once more after each of ever longer pauses; a failed one waits only
@@ -72,19 +76,19 @@ fn a_run_that_ends_the_program_is_given_up_for_longer_and_longer() {
         assert_eq!(index.resume(3, now_s).unwrap().len(), 1, "it was cut off");
     }
     for (pause_s, ended) in [(60, "ended 3 times"), (120, "ended 4 times"), (240, "ended 5 times")] {
-        let given_up = index.given_up().unwrap();
+        let given_up = failed(&index);
         assert!(given_up[0].error.as_ref().unwrap().contains(ended), "{given_up:?}");
         assert!(index.resume(3, now_s + pause_s - 1).unwrap().is_empty());
         assert_eq!(index.claim(None).unwrap(), None);
         now_s += pause_s;
         assert_eq!(index.resume(3, now_s).unwrap().len(), 1);
-        assert!(index.given_up().unwrap().is_empty());
+        assert!(failed(&index).is_empty());
         assert!(index.claim(None).unwrap().is_some());
         index.resume(3, now_s).unwrap();
     }
     assert_eq!(index.retry().unwrap(), 1);
     assert_eq!(index.claim(None).unwrap().map(|run| run.tries), Some(1));
-    assert!(index.given_up().unwrap().is_empty());
+    assert!(failed(&index).is_empty());
 }
 
 fn history(folder: &Path, more: &[&str]) -> (i32, String, String) {
@@ -133,6 +137,10 @@ fn table_csv_picture_and_page_show_every_run() {
     ] {
         assert!(out.contains(word), "no {word:?} in {out}");
     }
+    // 391 + 9 · 0.5 + 100 · 0.2, of a model that leaves ten times the noise
+    let [leaky, sound] = ["run-09.mcap", "run-08.mcap"].map(|run| out.lines().find(|line| line.contains(run)).unwrap());
+    assert!(leaky.contains(" 416? ") && leaky.contains(" 0.124? ") && !sound.contains('?'), "{leaky}\n{sound}");
+    assert!(out.contains("?: the model leaves more than the noise"), "{out}");
     let text = fs::read_to_string(&csv).unwrap();
     let mut rows = csv::Reader::from_reader(text.as_bytes());
     let header = rows.headers().unwrap().clone();
@@ -155,6 +163,8 @@ fn what_is_not_there_is_said() {
     let folder = tempfile::tempdir().unwrap();
     let (code, _, err) = history(folder.path(), &["lab"]);
     assert!(code == 2 && err.contains("has no index of runs"), "{err}");
+    let (code, _, err) = ended(run(&["history", text(folder.path())]));
+    assert!(code == 2 && err.contains("is a folder") && err.contains("`surgescope history --folder "), "{err}");
     index(folder.path());
     let (code, _, err) = history(folder.path(), &["bench"]);
     assert!(code == 2 && err.contains("'bench'") && err.contains("it knows lab"), "{err}");

@@ -380,7 +380,7 @@ fn ports_lists_and_tries_the_rigs_devices() {
     assert_eq!(program().arg("ports").output().unwrap().status.code(), Some(0));
 }
 
-/// The logger sends in one unit of time what the rig file takes for another.
+/// The logger sends in one unit of time what the rig file takes for another, for so long or until that is noticed.
 fn logger_in(sends: &str, read_as: &str, seconds: f64, options: impl Fn(Options) -> Options) -> (Summary, Vec<String>) {
     let rig_in = |unit: &str| {
         let text =
@@ -395,13 +395,14 @@ fn logger_in(sends: &str, read_as: &str, seconds: f64, options: impl Fn(Options)
     let sources = Sources::open(&reader, std::slice::from_ref(&device), false).unwrap();
     let script = Script::new(&playback(&sender, &logger(&sender), seconds), &sender, &logger(&sender)).unwrap();
     line.start(script, 1.0, Faults::default()).unwrap();
-    let mut shown = Vec::new();
+    let (mut shown, noticed) = (Vec::new(), AtomicBool::new(false));
     let mut look = |now: surgescope::record::health::snapshot::Snapshot| {
         shown.extend(now.sensors.iter().filter_map(|s| s.fault).map(|fault| fault.word().to_owned()));
         shown.dedup();
+        noticed.fetch_or(shown.iter().any(|word| word == "wrong-time-unit"), Ordering::Relaxed);
     };
     let options = options(Options::new(folder.path().join("run.mcap")));
-    let summary = record(&reader, &sources, &options, &AtomicBool::new(false), &mut look).unwrap();
+    let summary = record(&reader, &sources, &options, &noticed, &mut look).unwrap();
     line.stop().unwrap();
     (summary, shown)
 }
@@ -417,7 +418,9 @@ fn times_in_another_unit_are_called_out_within_seconds() {
         ("us", "us", None),
     ];
     let one = |(sends, read_as, likely): (&'static str, &'static str, Option<&str>)| {
-        let (summary, shown) = logger_in(sends, read_as, 4.0, |options| options);
+        // on a loaded machine it may take longer
+        let seconds = if likely.is_some() { 40.0 } else { 4.0 };
+        let (summary, shown) = logger_in(sends, read_as, seconds, |options| options);
         let units: Vec<_> = summary.alerts.iter().filter(|alert| alert.fault.word() == "wrong-time-unit").collect();
         assert_eq!(
             shown.iter().any(|word| word == "wrong-time-unit"),
@@ -445,14 +448,13 @@ fn a_line_that_sends_back_the_requests_is_read() {
     let folder = TempDir::new().unwrap();
     let file = folder.path().join("run.mcap");
     let faults = Faults { echo: true, seed: 2, ..Faults::default() };
-    // a time-out that a loaded machine keeps
-    let rig_in_time = Rig::from_toml(&rig_text(0.5), "bench.toml").unwrap();
+    // a time-out that a loaded machine keeps: no answer is late
+    let rig_in_time = Rig::from_toml(&rig_text(3.0), "bench.toml").unwrap();
     let (summary, sent) = record_devices(&rig_in_time, &["plc"], 4.0, |_| faults, &file);
     let device = &summary.devices[0];
     assert!(10 * device.returned_requests >= 9 * sent[0].frames, "{device:?} {sent:?}");
-    // an answer that a loaded machine reads late is thrown away as one, and nothing else is
-    assert!(device.frames > 100 && device.bad_frames == device.late_answers, "{device:?}");
-    assert!(device.late_answers > 0 || !summary.data_lost, "{device:?}");
+    assert!(device.frames > 100 && device.bad_frames == 0 && device.late_answers == 0, "{device:?}");
+    assert!(!summary.data_lost, "{device:?}");
     let recording = log::read(&file).unwrap();
     for index in [3, 4] {
         let rows: Vec<f64> = recording.series[index].value.iter().map(|value| row(index, *value)).collect();

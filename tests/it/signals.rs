@@ -584,7 +584,40 @@ fn a_slow_closure_shows_its_wave_speed_afterwards_and_is_fitted() {
         assert!(rmse_m < 1.1 * noise_m && rmse_m <= start_m, "{closing_s}: {start_m} -> {rmse_m} m, noise {noise_m} m");
         let found = |name: &str| crate::common::parameter(&fit, name)["value"].as_f64().unwrap();
         assert!((found("wave_speed_m_s") / wave_speed - 1.0).abs() < 0.005, "{}", found("wave_speed_m_s"));
-        assert!((found("closing_time_s") / closing_s - 1.0).abs() < 0.03, "{}", found("closing_time_s"));
+        // a tenth of that was once said to be known
+        let closing = crate::common::parameter(&fit, "closing_time_s");
+        let (value, error) = (closing["value"].as_f64().unwrap(), closing["standard_error"].as_f64().unwrap());
+        assert!((value - closing_s).abs() < 3.0 * error && error < 0.03 * closing_s, "{closing} for {closing_s} s");
         assert!((found("initial_velocity_m_s") - 1.0).abs() < 0.05, "{}", found("initial_velocity_m_s"));
+    }
+}
+
+/// A wide pipe of steel before a narrow one of copper. Their joint sends back part of the wave before the supply does, and makes the period another than four
+/// travel times; what `inspect` takes from it is the mean speed, length by travel time.
+#[test]
+fn pipes_in_series_show_their_mean_wave_speed_by_the_period() {
+    for closing_s in [0.02, 0.1, 0.6] {
+        let folder = tempfile::tempdir().unwrap();
+        let [rig, run_1] = ["rig.toml", "run.mcap"].map(|name| text(&folder.path().join(name)).to_owned());
+        let narrow = slow_rig(closing_s, true).replace("60.0", "100.0");
+        let pipe = "[[pipe]]\nname = \"main\"\nlength_m = 100.0\ninner_diameter_mm = 10.0\nwall_thickness_mm = 1.0\nmaterial = \"copper\"\n";
+        let series = "[[pipe]]\nname = \"wide\"\nlength_m = 60.0\ninner_diameter_mm = 40.0\nwall_thickness_mm = 2.0\nmaterial = \"steel\"\n\
+                      wave_speed_m_s = 1380.0\n[[pipe]]\nname = \"narrow\"\nlength_m = 40.0\ninner_diameter_mm = 20.0\nwall_thickness_mm = 1.5\n\
+                      material = \"copper\"\nwave_speed_m_s = 1290.0\n";
+        assert!(narrow.contains(pipe), "{narrow}");
+        std::fs::write(&rig, narrow.replace(pipe, series)).unwrap();
+        let (closing, velocity) = (format!("closing_time_s={closing_s}"), "initial_velocity_m_s=0.5");
+        done(&["simulate", "--rig", &rig, "--set", &closing, velocity, "--seed", "3", "-o", &run_1]);
+        let f = done(&["inspect", &run_1]);
+        let mean = 100.0 / (60.0 / 1380.0 + 40.0 / 1290.0);
+        let speeds = &f["wave_speed_m_s"];
+        let seen = speeds["period"]["value"].as_f64().unwrap();
+        assert!((seen / mean - 1.0).abs() < 0.02, "{closing_s}: {seen} for {mean} m/s");
+        assert_eq!(f["closure"]["slow"], closing_s > 0.3, "{closing_s}: {f}");
+        let doubts = f["doubts"].to_string();
+        assert!(
+            speeds["crossings"]["value"].is_null() && !doubts.contains("but a fit allows"),
+            "{closing_s}: {doubts}"
+        );
     }
 }

@@ -15,6 +15,13 @@ fn told(arguments: &[&str]) -> (Vec<String>, Vec<String>) {
     (lines, list.iter().map(of).collect())
 }
 
+/// A number that draws what is hidden, and nothing is hidden.
+#[test]
+fn a_seed_without_anything_hidden_says_what_to_write() {
+    let (code, _, err) = ended(run(&["demo", "--seed", "7"]));
+    assert!(code == 2 && err.contains("`surgescope demo --hidden leak --seed 7`"), "{err}");
+}
+
 #[test]
 fn every_warning_on_standard_error_is_in_the_document() {
     let folder = tempfile::tempdir().unwrap();

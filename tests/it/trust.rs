@@ -66,7 +66,7 @@ fn record(rig: &Rig) -> RunData {
             velocity_m_s: (0.5, 0.01),
             valve_head_m: (40.0, None),
             wave_speed_ratio: None,
-            closing_time_s: None,
+            closing_time: None,
         },
         meter: Some(meter),
         extrema: vec![Vec::new()],

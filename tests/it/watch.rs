@@ -69,11 +69,13 @@ fn each_recording_is_done_once_and_what_cannot_be_done_is_said_once() {
     assert_eq!(said["state"], "failed");
     assert!(said["error"].as_str().unwrap().contains("closure"), "{said}");
 
-    // Nothing is left to do, under whatever name.
+    // Nothing is left to do, under whatever name; what has failed still stands there.
     fs::rename(at("still.mcap"), at("renamed.mcap")).unwrap();
     let before = fs::metadata(at("a.html")).unwrap().modified().unwrap();
     let (code, out, err) = once(folder.path(), &["--json"]);
-    assert_eq!((code, serde_json::from_str::<Value>(&out).unwrap()["runs"].as_array().unwrap().len()), (0, 0), "{err}");
+    let again = serde_json::from_str::<Value>(&out).unwrap()["runs"].as_array().unwrap().clone();
+    assert_eq!((code, again.len()), (1, 1), "{err}");
+    assert_eq!((&again[0]["file"], &again[0]["state"]), (&"renamed.mcap".into(), &"failed".into()));
     assert!(err.contains("renamed.mcap is still.mcap under another name"), "{err}");
     assert_eq!(fs::metadata(at("a.html")).unwrap().modified().unwrap(), before);
 

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::cli::console::document::say_document;
 use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::print::{say_text, tell};
+use crate::report::advice::quoted;
 use crate::report::history::html::{html, svg};
 use crate::report::history::text::{csv, document, text};
 use crate::results::history::{History, Index};
@@ -40,7 +41,20 @@ pub struct Args {
 /// # Errors
 /// A folder without an index, a rig that it does not know, a file that cannot be written.
 pub fn run(args: Args, json: bool) -> CommandResult {
-    let index = Index::read(&args.folder)?;
+    let folder = args.rig.as_ref().filter(|rig| Path::new(rig).is_dir());
+    let index = match (Index::read(&args.folder), folder) {
+        (Ok(index), None) => index,
+        (Ok(index), Some(rig)) if index.rigs()?.contains(rig) => index,
+        (_, Some(folder)) => {
+            return Err(format!(
+                "{} is a folder, and RIG is the name of a rig or its file: write `surgescope history --folder {}`",
+                folder.shown(),
+                quoted(&folder.shown())
+            )
+            .into());
+        }
+        (Err(error), None) => return Err(error.into()),
+    };
     let rig = match args.rig {
         Some(rig) => name_of(&rig)?,
         None => match index.rigs()?.as_slice() {

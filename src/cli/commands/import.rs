@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use crate::align::{Clock, Method, Part, align, merge, refuse_overlaps};
+use crate::align::{Clock, Method, Part};
 use crate::cli::args::import_options::{ForeignArgs, start};
 use crate::cli::console::ask;
 use crate::cli::console::document::{document, say_document};
@@ -23,9 +23,8 @@ use crate::signal::doubts::doubts;
 use crate::signal::faults::{in_words, sensor_faults};
 use crate::signal::window::{Passing, used};
 use crate::signal::{SignalError, inspect};
-use crate::storage::import::{
-    Imported, LongImport, Pass, Repair, SourceOptions, import_file, require_sensors, unit_warnings,
-};
+use crate::storage::import::{Imported, LongImport, Pass, Repair, SourceOptions, import_file, unit_warnings};
+use crate::storage::together::{Together, recorded, together};
 use crate::storage::{ImportOptions, LogError, Summary, write};
 
 /// Turn time series (CSV, Excel, TDMS, MCAP of other programs) into a recording.
@@ -68,6 +67,16 @@ enum AlignBy {
     Time,
     /// The pressure front, from the sensors' positions and the wave speed.
     Front,
+}
+
+impl AlignBy {
+    fn method(self) -> Method {
+        match self {
+            AlignBy::Trigger => Method::Trigger,
+            AlignBy::Time => Method::Time,
+            AlignBy::Front => Method::Front,
+        }
+    }
 }
 
 /// What was repaired in one file.
@@ -113,6 +122,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
                 used,
                 summary: long.summary,
                 reports,
+                joined: Vec::new(),
                 clocks: Vec::new(),
                 left_out: Vec::new(),
                 understood: Vec::new(),
@@ -137,18 +147,13 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         reports.extend(repairs.into_iter().map(|repair| Report { file: path.clone(), repair }));
         parts.push(Part { file: path.shown().into_owned(), recording, start_digit_s });
     }
-    let (recording, clocks, left_out) = joined(parts, &rig, &args, &columns)?;
+    let whole = together(parts, &rig, &args.without, &columns, args.align.map(AlignBy::method))?;
+    let joined = whole.said();
+    let Together { recording, clocks, left_out } = whole;
     busy(&output, || write(&output, &recording))?;
     let summary = Summary::of(&recording);
     let (used, _) = used(recording);
-    Done { used, summary, reports, clocks, left_out, understood }.tell(&args, &output, json)
-}
-
-/// Sensors that the files before hold.
-fn recorded(parts: &[Part], rig: &Rig) -> Vec<String> {
-    let holds = |part: &Part, i: usize| part.recording.series.get(i).is_some_and(|s| !s.time_s.is_empty());
-    let names = rig.sensors.iter().enumerate().filter(|(i, _)| parts.iter().any(|part| holds(part, *i)));
-    names.map(|(_, sensor)| sensor.name.clone()).collect()
+    Done { used, summary, reports, joined, clocks, left_out, understood }.tell(&args, &output, json)
 }
 
 /// The file read again with guesses, which the user has accepted; otherwise the error that the file gave without them.
@@ -193,6 +198,8 @@ struct Done {
     used: Recording,
     summary: Summary,
     reports: Vec<Report>,
+    /// What became of each file but the first, in words.
+    joined: Vec<String>,
     clocks: Vec<Clock>,
     left_out: Vec<String>,
     /// Each file, as it was understood.
@@ -201,19 +208,13 @@ struct Done {
 
 impl Done {
     fn tell(self, args: &Args, output: &Path, json: bool) -> CommandResult {
-        let Done { used, summary, reports, clocks, left_out, understood } = self;
+        let Done { used, summary, reports, joined, clocks, left_out, understood } = self;
         let alone = args.files.len() == 1;
         for report in reports.iter().filter(|r| !r.repair.guessed) {
             let line = report.repair.line.map(|l| format!(":{l}")).unwrap_or_default();
             tell!("{}{line}: {}", report.file.shown(), report.repair.text);
         }
-        for clock in clocks.iter().skip(1) {
-            match clock.events {
-                0 => tell!("{}: a part of one record, put in its place by its times", clock.file.shown()),
-                _ => tell!("{clock}"),
-            }
-        }
-        left_out.iter().for_each(|text| tell!("{text}"));
+        joined.iter().for_each(|text| tell!("{text}"));
         // What contradicts the rig is cheapest to mend here.
         let doubts = match inspect(&used) {
             Ok(features) => doubts(&used.rig, &features),
@@ -244,27 +245,6 @@ impl Done {
         }
         Ok(if reports.iter().any(|r| r.repair.lost) { Outcome::DataLost } else { Outcome::Done })
     }
-}
-
-/// The recording, how each file's clock was aligned, and what was left out.
-type Joined = (Recording, Vec<Clock>, Vec<String>);
-
-/// One recording of all files, which have these `columns`.
-fn joined(mut parts: Vec<Part>, rig: &Rig, args: &Args, columns: &[String]) -> Result<Joined, AnyError> {
-    if parts.len() == 1 {
-        return Ok((parts.remove(0).recording, Vec::new(), Vec::new()));
-    }
-    let recordings: Vec<&Recording> = parts.iter().map(|p| &p.recording).collect();
-    require_sensors(&recordings, rig, &args.without, columns)?;
-    let wanted = args.align.map(|by| match by {
-        AlignBy::Trigger => Method::Trigger,
-        AlignBy::Time => Method::Time,
-        AlignBy::Front => Method::Front,
-    });
-    let clocks = align(&parts, wanted)?;
-    refuse_overlaps(&parts, &clocks)?;
-    let (recording, left_out) = merge(parts, &clocks).ok_or("no file to import")?;
-    Ok((recording, clocks, left_out))
 }
 
 /// The start given for a file, by its path or its name.

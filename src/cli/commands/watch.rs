@@ -91,12 +91,12 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     };
     stop_on_signals()?;
     aloud(|| watch.begin())?;
-    loop {
+    watch.look()?;
+    watch.work()?;
+    watch.tell_earlier_failures()?;
+    while !watch.args.once && !wait(every) {
         watch.look()?;
         watch.work()?;
-        if watch.args.once || wait(every) {
-            break;
-        }
     }
     watch.end()
 }
@@ -151,17 +151,21 @@ impl Watch {
             let again = self.index.retry()?;
             tell!("{again} failed run{} tried again", if again == 1 { " is" } else { "s are" });
         }
-        for run in self.index.given_up()? {
-            if self.folder().join(&run.file).exists() {
-                self.tell_end(run.id)?;
-            }
-        }
         let all = self.index.all()?;
         let count = |state| all.iter().filter(|r| r.state == state).count();
         let (done, failed) = (count(State::Done), count(State::Failed));
         let until = if self.args.once { "" } else { "; Ctrl-C ends" };
         tell!("watching {}: {done} runs done, {failed} failed{until}", self.folder().shown());
         Ok(())
+    }
+
+    /// Says which recordings failed in earlier watches and still stand there: they count as those that fail now.
+    fn tell_earlier_failures(&mut self) -> Result<(), AnyError> {
+        let known = |id: i64| self.ended.iter().any(|run| run.id == id);
+        let all = self.index.all()?;
+        let earlier = all.iter().filter(|run| run.state == State::Failed && !known(run.id));
+        let earlier = earlier.filter(|run| self.folder().join(&run.file).exists());
+        earlier.map(|run| run.id).collect::<Vec<_>>().into_iter().try_for_each(|id| self.tell_end(id))
     }
 
     /// Looks for recordings that are new.

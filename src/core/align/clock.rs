@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::number::{plus_minus, significant, to_error};
 use crate::recording::Recording;
@@ -19,7 +19,7 @@ pub struct Part {
 }
 
 /// What the alignment of a clock rests on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Method {
     /// Edges of a trigger recorded in every file.

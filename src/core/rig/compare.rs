@@ -1,5 +1,6 @@
 //! How two rigs differ: in the line itself, or only in what measures it.
 
+use crate::number::rounded;
 use crate::rig::types::Rig;
 
 /// Differences that matter to a model, in words; empty if there are none.
@@ -11,7 +12,7 @@ pub struct Differences {
     pub sensors: Vec<String>,
 }
 
-/// Differences of `other` from `rig`. Names of rigs and pipes, devices, wiring and reported steady states do not count.
+/// Differences of `other` from `rig`, as said of `other`: "length 40 m, not 35". Names of rigs and pipes, devices, wiring and reported steady states do not count.
 pub fn differences(rig: &Rig, other: &Rig) -> Differences {
     let mut found = Differences::default();
     if rig.pipes.len() != other.pipes.len() {
@@ -21,7 +22,7 @@ pub fn differences(rig: &Rig, other: &Rig) -> Differences {
         let of = if rig.pipes.len() > 1 { format!("pipe '{}': ", b.name) } else { String::new() };
         let mut number = |what: &str, unit: &str, one: f64, two: f64| {
             if (one - two).abs() > 1e-9 * one.abs().max(two.abs()) {
-                found.line.push(format!("{of}{what} {two:.6} {unit}, not {one:.6}"));
+                found.line.push(format!("{of}{what} {} {unit}, not {}", rounded(two), rounded(one)));
             }
         };
         number("length", "m", a.length_m, b.length_m);
@@ -75,6 +76,7 @@ mod tests {
         assert!(found.line.is_empty() && found.sensors.len() == 2, "{found:?}");
         other.pipes[0].length_m += 1.0;
         other.pipes[0].material = "steel".into();
-        assert_eq!(differences(&rig, &other).line.len(), 2);
+        let line = differences(&rig, &other).line;
+        assert_eq!(line, ["length 278 m, not 277", "made of steel, not PE"]);
     }
 }

@@ -3,6 +3,7 @@
 use crate::rig::material::Material;
 use crate::rig::types::{Constraint, Pipe, Rig};
 use crate::rig::water::WaterProperties;
+use crate::units::GRAVITY_M_S2;
 
 /// Wall counts as thick below this ratio of inner diameter to thickness (Wylie & Streeter 1993).
 const THICK_WALL_RATIO: f64 = 25.0;
@@ -121,6 +122,37 @@ impl Rig {
         self.mean_speed_m_s(speed)
     }
 
+    /// How far a wave comes at the mean speed (length by travel time) in one period of the lowest oscillation between the supply, whose head stays, and the
+    /// shut valve, where nothing flows: 4L in one pipe. Joints of pipes in series reflect, so that the period is another than four travel times: that at which
+    /// the flow at the valve vanishes, carried from the supply through each pipe of impedance `Z = a/(gA)` and phase `θ = ωL/a` by
+    /// `H + ZQ tan θ`, `Q − H/Z tan θ` (Wylie & Streeter 1993, Fluid Transients in Systems, ch. 12). Wave speeds are nominal: only their ratios count.
+    pub fn cycle_m(&self, water: &WaterProperties) -> f64 {
+        let of = |pipe: &Pipe| {
+            let speed_m_s = pipe.wave_speed_start(water).0;
+            (pipe.length_m / speed_m_s, speed_m_s / (GRAVITY_M_S2 * pipe.area_m2()))
+        };
+        let pipes: Vec<(f64, f64)> = self.pipes.iter().map(of).collect();
+        let travel_s: f64 = pipes.iter().map(|(travel_s, _)| travel_s).sum();
+        // the phase is that of all pipes together
+        let flow_at_valve = |phase: f64| {
+            let through = |(head, flow): (f64, f64), (own_s, impedance): &(f64, f64)| {
+                let (sin, cos) = (phase * own_s / travel_s).sin_cos();
+                (head * cos + impedance * flow * sin, flow * cos - head / impedance * sin)
+            };
+            pipes.iter().fold((0.0, 1.0), through).1
+        };
+        let step = std::f64::consts::PI / 256.0;
+        let (mut below, mut above) = (0.0, step);
+        while flow_at_valve(above) > 0.0 && above < std::f64::consts::TAU {
+            (below, above) = (above, above + step);
+        }
+        for _ in 0..40 {
+            let middle = 0.5 * (below + above);
+            if flow_at_valve(middle) > 0.0 { below = middle } else { above = middle }
+        }
+        self.length_m() * std::f64::consts::TAU / above
+    }
+
     /// Length by travel time, m/s.
     fn mean_speed_m_s(&self, of: impl Fn(&Pipe) -> f64) -> f64 {
         self.length_m() / self.pipes.iter().map(|pipe| pipe.length_m / of(pipe)).sum::<f64>()
@@ -153,6 +185,27 @@ mod tests {
 
     fn water(t: f64) -> WaterProperties {
         Fluid { name: "water".into(), temperature_degc: t }.properties(t)
+    }
+
+    /// Two pipes of equal travel time: at the lowest oscillation `tan² θ = Z₂/Z₁` in each. One pipe, cut in two anywhere: 4L.
+    #[test]
+    fn joints_change_the_period() {
+        let of = |length_m, diameter_mm| Pipe {
+            length_m,
+            wave_speed_m_s: Some(1000.0),
+            ..pipe("steel", diameter_mm, 5.0, Constraint::Anchored)
+        };
+        let mut rig = Rig::from_toml(include_str!("../../../rigs/imperial-pe.toml"), "rig.toml").unwrap();
+        for (pipes, exact_m) in [
+            (vec![of(100.0, 50.0), of(100.0, 25.0)], std::f64::consts::TAU * 100.0 / 2f64.atan()),
+            (vec![of(100.0, 25.0), of(100.0, 50.0)], std::f64::consts::TAU * 100.0 / 0.5f64.atan()),
+            (vec![of(30.0, 50.0), of(170.0, 50.0)], 800.0),
+            (vec![of(200.0, 50.0)], 800.0),
+        ] {
+            rig.pipes = pipes;
+            let found_m = rig.cycle_m(&water(20.0));
+            assert!((found_m / exact_m - 1.0).abs() < 1e-9, "{found_m} for {exact_m}");
+        }
     }
 
     /// Adelaide's copper pipe: 1319 m/s measured (Bergant & Simpson 1999); Adamkowski's: 1298 m/s, D 16 mm, e 1 mm.

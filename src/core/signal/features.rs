@@ -118,7 +118,7 @@ pub struct WaveSpeeds {
     pub crossings: Option<Crossings>,
     /// From the front's arrival at two sensors.
     pub arrival: Option<Estimate>,
-    /// From the period after the closure, 4L/T, of one pipe: what lengthens the period (creep, gas, unsteady friction) lowers it.
+    /// From the period after the closure, 4L/T; of several pipes in series what [their joints](crate::rig::Rig::cycle_m) make of it. What lengthens the period (creep, gas, unsteady friction) lowers it.
     pub period: Option<Estimate>,
 }
 

@@ -36,10 +36,10 @@ pub(crate) fn inspect_stations(
 
     let length_m = rig.length_m();
     let guess_s = reference.period_s();
-    // joints reflect: several pipes in series have another period than 4L/a of their mean
-    let uniform = rig.pipes.len() == 1;
-    let about = guess_s.filter(|_| uniform).map(|t| Estimate { value: 4.0 * length_m / t, standard_error: f64::NAN });
-    let ThereAndBack { crossings, smear, slow } = wavespeed::there_and_back(&clear, length_m, about);
+    let cycle_m = rig.cycle_m(&rig.fluid.properties(temperature_degc));
+    let about = guess_s.map(|t| Estimate { value: cycle_m / t, standard_error: f64::NAN });
+    let ThereAndBack { crossings, smear, slow } =
+        wavespeed::there_and_back(&clear, length_m, about, rig.pipes.len() > 1);
     let arrival = wavespeed::arrival(&clear, smear, about.map(|a| a.value)).filter(|_| !slow);
     let step_s = reference.coarse.step_s;
     // without a match the half fall is the next best measure of 2L/a
@@ -55,19 +55,20 @@ pub(crate) fn inspect_stations(
         standard_error: (bend_error * step_s).hypot(speed_error * from_valve_s),
     };
     let back = 2.0 * reference.place_m / speed / step_s;
-    let shut = if slow && uniform { closure::shut(reference) } else { None };
+    // behind a joint the head is no mirror image of itself
+    let shut = if slow && rig.pipes.len() == 1 { closure::shut(reference) } else { None };
     let end = shut.or((!slow).then(|| front.knee(&reference.coarse, back)));
     let closed_s = end.map(|at| reference.coarse.time_s(at) - from_valve_s);
     let closure = closure::closure(recording, onset, slow, closed_s);
 
-    let guess_s = guess_s.unwrap_or(4.0 * length_m / speed);
+    let guess_s = guess_s.unwrap_or(cycle_m / speed);
     // the rise of a slow closure is no half cycle: the oscillation begins when it ends
     let free_s = shut.map_or(onset.value, |at| reference.coarse.time_s(at));
     let cycles = extrema::half_cycles(&reference.trace, free_s, guess_s, reference.noise.white_sd_m);
     let period = extrema::period(&cycles);
     let period_s = period.map_or(guess_s, |p| p.value);
-    let of_period = period.filter(|_| uniform).map(|t| {
-        let value = 4.0 * length_m / t.value;
+    let of_period = period.map(|t| {
+        let value = cycle_m / t.value;
         Estimate { value, standard_error: value * t.standard_error / t.value }
     });
 

@@ -41,9 +41,14 @@ pub(crate) struct ThereAndBack {
 /// first result. The range covers every window of every sensor and the crossings of equal levels (a quarter and half of
 /// the front; at the valve, half is the steady level itself, as in Table 2 of the source paper).
 ///
-/// A fall that marks the end of a slow closure looks like the wave's return, only later. The period exposes it: 4L/a is the same at every sensor,
-/// however the valve closes, and nothing makes it shorter.
-pub(crate) fn there_and_back(stations: &[&Station], length_m: f64, of_period: Option<Estimate>) -> ThereAndBack {
+/// A fall that marks the end of a slow closure looks like the wave's return, only later; one that a joint of pipes in series sends back, only earlier. The
+/// period exposes both: it is the same at every sensor, however the valve closes, and nothing makes it shorter.
+pub(crate) fn there_and_back(
+    stations: &[&Station],
+    length_m: f64,
+    of_period: Option<Estimate>,
+    joined: bool,
+) -> ThereAndBack {
     let mut estimates: Vec<Estimate> = Vec::new();
     let mut alternatives: Vec<f64> = Vec::new();
     let mut tail = 0.0;
@@ -97,7 +102,8 @@ pub(crate) fn there_and_back(stations: &[&Station], length_m: f64, of_period: Op
         let high = alternatives.iter().copied().fold(joint.value + standard_error, f64::max);
         Crossings { value: joint.value, standard_error, low, high }
     });
-    let carried = |c: &Crossings| !slow || of_period.is_none_or(|a| (c.value / a.value - 1.0).abs() < LENGTHENED);
+    let carried =
+        |c: &Crossings| !(slow || joined) || of_period.is_none_or(|a| (c.value / a.value - 1.0).abs() < LENGTHENED);
     ThereAndBack { crossings: crossings.filter(carried), smear: tail, slow }
 }
 

@@ -2,7 +2,9 @@
 
 use std::fmt::Write;
 
-use crate::report::history::text::{DRIFT_HEADINGS, drift_notes, drift_rows, headings, headline, rows, slope_text};
+use crate::report::history::text::{
+    DRIFT_HEADINGS, LACKING, drift_notes, drift_rows, headings, headline, marks, rows, slope_text,
+};
 use crate::report::html::figures::plates;
 use crate::report::html::page::{CSS, STILL, footer, minus, opening, table};
 use crate::report::svg::{LineChart, Series, Style};
@@ -36,6 +38,9 @@ pub fn html(history: &History) -> String {
     let shown = |(c, cell): (usize, &String)| if numbers.contains(&c) { minus(&escape(cell)) } else { escape(cell) };
     let cells = rows(history).into_iter().map(|row| row.iter().enumerate().map(shown).collect());
     out.push_str(&table("Runs", &names, &numbers, cells));
+    if marks(history) {
+        let _ = writeln!(out, "<p class=\"note\">{LACKING}</p>");
+    }
     out.push_str("</section>\n");
     out.push_str(&footer(""));
     out.push_str("</body>\n</html>\n");
@@ -113,8 +118,11 @@ fn chart(parameter: &ParameterHistory, axis: &Axis) -> LineChart {
         if places.is_empty() {
             continue;
         }
-        let bars = places.iter().flat_map(|&(x, y, e)| [(x, y - e), (x, y + e), (f64::NAN, f64::NAN)]).collect();
-        series.push(Series { label: String::new(), points: bars, style: Style { dash: "", ..Style::line(n) } });
+        // where something is missing, nobody knows how far the value is off
+        if n == 0 {
+            let bars = places.iter().flat_map(|&(x, y, e)| [(x, y - e), (x, y + e), (f64::NAN, f64::NAN)]).collect();
+            series.push(Series { label: String::new(), points: bars, style: Style { dash: "", ..Style::line(n) } });
+        }
         let dots = places.iter().map(|&(x, y, _)| (x, y)).collect();
         series.push(Series { label: label.to_owned(), points: dots, style: Style::points(n) });
     }

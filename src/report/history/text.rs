@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use crate::report::text::number::{decimals_for, fixed, signed, significant, times, with_error};
 use crate::results::history::drift::{Drift, Point, Slope};
-use crate::results::history::{History, Run, State, Value};
+use crate::results::history::{Finding, History, Run, State, Value};
 use crate::shown::{Shown as _, cell};
 
 /// One run as scripts see it. What is not known is `null`.
@@ -28,6 +28,7 @@ pub struct RunDocument<'a> {
     effects: &'a [String],
     rmse_m: Option<f64>,
     noise_m: Option<f64>,
+    errors_are_lower_bounds: bool,
     parameters: Vec<ValueDocument<'a>>,
     model_file: Option<&'a str>,
     report_file: Option<&'a str>,
@@ -79,6 +80,7 @@ impl<'a> From<&'a Run> for RunDocument<'a> {
             effects: f.map_or(&[], |f| &f.effects),
             rmse_m: f.map(|f| f.rmse_m),
             noise_m: f.map(|f| f.noise_m),
+            errors_are_lower_bounds: f.is_some_and(Finding::lacks_something),
             parameters: f.map_or(Vec::new(), |f| f.parameters.iter().map(value).collect()),
             model_file: f.map(|f| f.model_file.as_str()),
             report_file: f.map(|f| f.report_file.as_str()),
@@ -89,6 +91,18 @@ impl<'a> From<&'a Run> for RunDocument<'a> {
 fn recorded(run: &Run) -> Option<chrono::DateTime<chrono::Utc>> {
     (run.recorded_unix_ns > 0).then(|| chrono::DateTime::from_timestamp_nanos(run.recorded_unix_ns))
 }
+
+/// A fitted value in the digits of its error; of a model that lacks something in three digits with a question mark.
+pub fn value_of(value: &Value, of: &Finding) -> String {
+    if of.lacks_something() {
+        return format!("{}?", significant(value.value, 3));
+    }
+    with_error(value.value, value.standard_error.unwrap_or(f64::INFINITY))
+}
+
+/// What the question mark of a value means.
+pub const LACKING: &str =
+    "?: the model leaves more than the noise; what it lacks pulls the value, by how much nobody knows.";
 
 /// What `history --json` prints.
 #[derive(Serialize)]
@@ -252,6 +266,12 @@ fn minute(when: &str) -> String {
     time.map_or_else(|_| when.to_owned(), |t| t.to_utc().format("%Y-%m-%d %H:%M UTC").to_string())
 }
 
+/// Whether a value of the table of runs is marked as one of a model that lacks something.
+pub fn marks(history: &History) -> bool {
+    let shown = history.runs.iter().filter_map(|run| run.finding.as_ref()).filter(|f| f.effects == history.effects);
+    shown.into_iter().any(Finding::lacks_something)
+}
+
 /// Headings of the table of runs.
 pub fn headings(history: &History) -> Vec<String> {
     let first = ["no", "recorded (UTC)", "file", "°C", "L/s"].map(str::to_owned);
@@ -275,7 +295,7 @@ pub fn rows(history: &History) -> Vec<Vec<String>> {
         let own = f.filter(|f| f.effects == history.effects);
         row.extend(history.parameters.iter().map(|p| {
             let value = own.and_then(|f| f.parameters.iter().find(|v| v.name == p.name));
-            value.map_or("–".into(), |v| with_error(v.value, v.standard_error.unwrap_or(f64::INFINITY)))
+            value.zip(own).map_or("–".into(), |(v, finding)| value_of(v, finding))
         }));
         row.push(f.map_or("–".into(), |f| times(f.rmse_m, f.noise_m)));
         row.push(outcome(run, own.is_none()));
@@ -347,6 +367,9 @@ pub fn drift_notes(history: &History) -> Vec<String> {
 pub fn text(history: &History) -> String {
     let mut out = format!("rig {}: {}\n\n", history.rig, headline(history));
     columns(&mut out, &headings(history), &rows(history));
+    if marks(history) {
+        let _ = writeln!(out, "{LACKING}");
+    }
     out.push('\n');
     let rows: Vec<Vec<String>> = drift_rows(history).into_iter().map(Into::into).collect();
     columns(&mut out, &DRIFT_HEADINGS.map(str::to_owned), &rows);

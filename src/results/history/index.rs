@@ -220,11 +220,6 @@ impl Index {
         Ok(back)
     }
 
-    /// The runs that are given up for now.
-    pub fn given_up(&self) -> Result<Vec<Run>> {
-        self.select("WHERE state = 'failed' AND id IN (SELECT run FROM given_up) ORDER BY recorded_unix_ns, id", [])
-    }
-
     /// Lets failed runs wait again; says how many.
     pub fn retry(&mut self) -> Result<usize> {
         let change = self.change()?;

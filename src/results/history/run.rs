@@ -1,5 +1,7 @@
 //! One run of a folder: where it stands and what was found in it.
 
+use crate::fit::validate::conflict::lacks_something;
+
 /// Where a run stands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum State {
@@ -76,6 +78,13 @@ pub struct Finding {
     pub model_file: String,
     /// File of the report, from the folder.
     pub report_file: String,
+}
+
+impl Finding {
+    /// The model leaves more than the noise: what it lacks pulls its values, by how much nobody knows.
+    pub fn lacks_something(&self) -> bool {
+        lacks_something(self.rmse_m, self.noise_m, 0.0)
+    }
 }
 
 /// One run.

@@ -1,4 +1,4 @@
-// A file that is dropped on the page: looked at first; written once a person agrees on which column is which sensor.
+// What is dropped on the page, one file or several of one closure: looked at first; written once a person agrees on which column is which sensor.
 
 import { post } from "/assets/api.js";
 import { at, digits, h, put } from "/assets/dom.js";
@@ -22,16 +22,24 @@ async function withoutRig(file, new_rig = false) {
   return true;
 }
 
-export async function arrive(file) {
+// How the clocks of several files come together.
+const ALIGNED = [["", "the surest way that all allow"], ["trigger", "trigger"], ["time", "time"], ["front", "front"]];
+
+export async function arrive(files) {
+  const [file, ...others] = files;
+  const names = files.map((one) => one.name).join(" and ");
   const no_rig = !app.state.open && !app.state.can_record.length;
-  try { if (no_rig && (await withoutRig(file))) return; } catch (error) { complain(error); return; }
+  try { if (no_rig && !others.length && (await withoutRig(file))) return; } catch (error) { complain(error); return; }
   if (!at("runs").open) runs();
   const box = at("import");
-  put(box, h("p", { text: `Reading ${file.name}…` }));
+  put(box, h("p", { text: `Reading ${names}…` }));
   box.scrollIntoView({ block: "nearest" });
-  let content;
-  try { content = await base64(file); } catch (error) { complain(error); return; }
-  let [writing, rigOf] = [false, null];
+  let [content, further] = ["", []];
+  try {
+    content = await base64(file);
+    for (const one of others) further.push({ name: one.name, content: await base64(one) });
+  } catch (error) { complain(error); return; }
+  let [writing, rigOf, align] = [false, null, ""];
   // what is written of its text and times
   const reading = {};
   // what the numbers of a sensor's column stand for, where they are volts, milliamperes or in another unit than the rig's
@@ -45,11 +53,11 @@ export async function arrive(file) {
     app.opens ||= accept;
     const scales = map.filter(([, sensor]) => scale.get(sensor)).map(([column, sensor]) => [column, scale.get(sensor)]);
     try {
-      const found = await post("/api/import", { name: file.name, content, map, ignore, without, accept, scales, reading, rig_of: rigOf });
+      const found = await post("/api/import", { name: file.name, content, further, align: align || null, map, ignore, without, accept, scales, reading, rig_of: rigOf });
       if (accept) at("runs").close(); else show(found);
     } catch (error) {
       writing = false;
-      put(box, h("h3", { text: file.name }), h("p", { class: "advice", text: error.message }), h("button", { type: "button", text: "Start again", onclick: () => arrive(file) }));
+      put(box, h("h3", { text: names }), h("p", { class: "advice", text: error.message }), h("button", { type: "button", text: "Start again", onclick: () => arrive(files) }));
     }
   };
   // Where the runs are of several rigs, a person says of which one the file is.
@@ -64,6 +72,13 @@ export async function arrive(file) {
     choice.value = [...of].find(([, id]) => id === rigOf)?.[0] ?? own ?? "";
     return h("label", {}, "recorded on the rig ", choice);
   };
+  const aligned = () => {
+    if (!others.length) return null;
+    const choice = h("select", { "data-key": "align", onchange: () => { align = choice.value; look(...said(), false); } }, ALIGNED.map(([value, text]) => h("option", { value, text })));
+    choice.value = align;
+    return h("label", {}, "aligned by ", choice);
+  };
+  let said = () => [[], [], []];
   const show = (found) => {
     const understood = new Map((found.understood?.sensors || []).map((s) => [s.sensor, s]));
     // a column may be known by a short name and by its whole heading
@@ -75,17 +90,19 @@ export async function arrive(file) {
       choice.onchange = () => { chosen.set(sensor, choice.value); look(...said(), false); };
       return [sensor, choice];
     });
-    const said = () => {
+    said = () => {
       const map = choices.filter(([, choice]) => choice.value).map(([sensor, choice]) => [choice.value, sensor]);
       const taken = new Set(map.map(([column]) => column));
       return [map, found.columns.filter((c) => !taken.has(c)), choices.filter(([, choice]) => !choice.value).map(([sensor]) => sensor)];
     };
     const needed = new Map(found.remarks.map((remark) => [remark.field, remark.says]));
+    // what a person has to say is not guessed
+    const open = found.remarks.filter((remark) => remark.weight === "open").map((remark) => remark.field);
     const ofReading = READING.filter(([key]) => reading[key] || needed.has(key)).map(([key, label, example, choices]) => {
       const input = entry(reading[key] ?? "", example, choices, () => {});
       input.dataset.key = key;
       input.addEventListener("change", () => { reading[key] = input.value; look(...said(), false); });
-      return h("label", {}, `${label} `, input, h("span", { class: "hint", text: ` ${needed.get(key) ?? ""}` }));
+      return h("label", {}, `${label} `, input, h("span", { class: open.includes(key) ? "advice" : "hint", text: ` ${needed.get(key) ?? ""}` }));
     });
     const line = ([sensor, choice]) => {
       const volts = h("input", { type: "text", size: 18, placeholder: "psi, or 1..5 -> 0..10 bar", value: scale.get(sensor) ?? "", "aria-label": `Unit of the numbers of ${sensor}, or the ranges of its transducer, where the heading does not say`, "data-key": `scale ${sensor}`, onchange: () => {
@@ -95,14 +112,14 @@ export async function arrive(file) {
       const s = understood.get(sensor);
       return h("tr", {}, h("th", { scope: "row", text: sensor }), h("td", {}, choice), h("td", {}, volts), h("td", { text: s?.unit ?? "" }), h("td", { class: "number", text: s?.samples ?? "" }), h("td", { class: "number", text: s ? s.first.map((v) => digits(v, 4)).join("  ") : "" }));
     };
-    const notes = found.problem ? [] : [...new Set([found.taken, ...found.mended.map((m) => m.text), ...found.warnings.map((w) => w.text), ...found.sensor_faults.map((f) => f.says), ...found.doubts].filter(Boolean))];
+    const notes = found.problem ? [] : [...new Set([found.taken, ...found.joined, ...found.mended.map((m) => (m.guessed ? `a guess: ${m.text}` : m.text)), ...found.warnings.map((w) => w.text), ...found.sensor_faults.map((f) => f.says), ...found.doubts].filter(Boolean))];
     put(box, h("div", { class: "card arriving" },
-      h("h3", { text: found.problem ? `${file.name}: which column is which sensor?` : `${file.name}, as understood` }),
+      h("h3", { text: found.problem ? `${names}: which column is which sensor?` : `${names}, as understood` }),
       found.problem ? h("p", { class: "advice", text: found.problem }) : null,
-      rigs(found),
+      rigs(found), aligned(),
       ofReading, h("table", {}, h("thead", {}, h("tr", {}, ["sensor", "column of the file", "another unit, or from V or mA", "unit", "samples", "first values"].map((text) => h("th", { scope: "col", text })))), h("tbody", {}, choices.map(line))),
       notes.length ? h("ul", {}, notes.map((text) => h("li", { text }))) : null,
-      h("p", { class: "buttons" }, h("button", { type: "button", class: "primary", text: "Import", disabled: Boolean(found.problem), onclick: () => look(...said(), true) }), h("button", { type: "button", text: "Do not import", onclick: () => put(box) }), found.as_it_is ? null : h("button", { type: "button", text: "It is of another rig: make one", onclick: () => withoutRig(file, true).catch(complain) }))));
+      h("p", { class: "buttons" }, h("button", { type: "button", class: "primary", text: "Import", disabled: Boolean(found.problem || open.length), onclick: () => look(...said(), true) }), h("button", { type: "button", text: "Do not import", onclick: () => put(box) }), found.as_it_is || others.length ? null : h("button", { type: "button", text: "It is of another rig: make one", onclick: () => withoutRig(file, true).catch(complain) }))));
   };
   await look([], [], [], false);
 }

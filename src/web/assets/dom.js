@@ -42,8 +42,11 @@ export function digits(value, n = 3) {
 // A value to the digits that its error leaves it: 367.2 ± 0.4.
 export function uncertain(value, error) {
   if (!(error > 0) || !Number.isFinite(error)) return digits(value, 5);
-  const places = Math.min(12, Math.max(0, 1 - Math.floor(Math.log10(error))));
-  return `${value.toFixed(places)} ± ${error.toFixed(places)}`.replaceAll("-", "−");
+  const first = Math.floor(Math.log10(error));
+  // the rule of the program's number.rs: two digits where the error begins below 3.55
+  const place = error / 10 ** first < 3.55 ? first - 1 : first;
+  const said = (v) => (place < 0 ? v.toFixed(Math.min(12, -place)) : String(Math.round(v / 10 ** place) * 10 ** place));
+  return `${said(value)} ± ${said(error)}`.replaceAll("-", "−");
 }
 
 const rounded = (value, symbol) => `${digits(value, value < 1 ? 2 : 3)} ${symbol}`;

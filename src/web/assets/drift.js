@@ -1,7 +1,7 @@
 // How the parameters of a rig drift from run to run, as `surgescope history` has it.
 
 import { ask } from "/assets/api.js";
-import { at, digits, h, named, put, svg } from "/assets/dom.js";
+import { at, digits, h, named, put, svg, uncertain } from "/assets/dom.js";
 import { app, act } from "/assets/store.js";
 import { copy, word } from "/assets/commands.js";
 
@@ -24,10 +24,12 @@ function chart(p) {
   const text = (px, py, label, anchor) => svg("text", { x: px, y: py, "text-anchor": anchor, text: label });
   const per = p.drift?.per_run;
   const at_run = (run) => y(p.drift.mean + per.value * (run - p.drift.mean_run));
+  // where something is missing, nobody knows how far the value is off
+  const known = (v) => (v.sound ? uncertain(v.value, v.standard_error) : `${digits(v.value, 3)}?`);
   const dot = (v) => svg("g", { class: v.sound ? "point" : "point doubtful" },
-    svg("line", { x1: x(v.run), x2: x(v.run), y1: y(v.value - 2 * v.standard_error), y2: y(v.value + 2 * v.standard_error) }),
-    svg("circle", { cx: x(v.run), cy: y(v.value), r: 4, tabindex: 0, role: "button", "aria-label": `Open ${v.file}: ${digits(v.value, 5)}`, onclick: () => open(v.file), onkeydown: (e) => e.key === "Enter" && open(v.file) },
-      svg("title", { text: `${v.file}: ${digits(v.value, 5)} ± ${digits(v.standard_error, 2)}` })));
+    v.sound ? svg("line", { x1: x(v.run), x2: x(v.run), y1: y(v.value - 2 * v.standard_error), y2: y(v.value + 2 * v.standard_error) }) : null,
+    svg("circle", { cx: x(v.run), cy: y(v.value), r: 4, tabindex: 0, role: "button", "aria-label": `Open ${v.file}: ${known(v)}`, onclick: () => open(v.file), onkeydown: (e) => e.key === "Enter" && open(v.file) },
+      svg("title", { text: `${v.file}: ${known(v)}` })));
   return svg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, class: "drift", role: "group", "aria-label": `${named(p)} over runs` },
     svg("line", { x1: LEFT, x2: RIGHT, y1: BOTTOM, y2: BOTTOM, class: "base" }), text(LEFT - 4, y(high) + 10, digits(high, 4), "end"), text(LEFT - 4, BOTTOM, digits(low, 4), "end"),
     text(x(first), HEIGHT - 10, `run ${first}`, "middle"), last > first ? text(x(last), HEIGHT - 10, `run ${last}`, "middle") : null,
@@ -51,6 +53,6 @@ export async function drift() {
   const one = (p) => h("div", { class: "card" }, h("h3", { text: `${named(p)}${p.unit === "1" ? "" : `, ${p.unit}`}` }), p.values.length ? chart(p) : null,
     h("p", { class: "hint", text: [slope(p.drift?.per_run, "run"), slope(p.drift?.per_kelvin, "kelvin")].filter(Boolean).join("; ") || "too few runs for a drift" }));
   put(body, rigs.map((rig) => h("section", {}, h("h3", { text: `${rig.rig}: ${rig.runs.length === 1 ? "1 run" : `${rig.runs.length} runs`}, ${rig.effects.join(" + ") || "base model"}` }),
-    h("p", { class: "hint", text: "Bars: ± 2 standard errors. Hollow: something is missing in that run, so it is not counted. Click a run to open it." }),
+    h("p", { class: "hint", text: "Bars: ± 2 standard errors. Hollow: something is missing in that run, so it is not counted, and nobody knows how far it is off. Click a run to open it." }),
     rig.parameters.length ? h("div", { class: "drifts" }, rig.parameters.map(one)) : h("p", { text: "No run of this rig has been fitted yet." }))));
 }

@@ -126,9 +126,6 @@ export function missing() {
   const verdict = [];
   if (found) {
     verdict.push(h("p", { class: `verdict ${found.verdict}`, text: sentence(found) }));
-    if (model && found.start.held && head(found.start.rmse_m) !== head(model.rmse_m)) {
-      verdict.push(h("p", { class: "hint", text: `The diagnosis starts at ${head(found.start.rmse_m)}, not at ${head(model.rmse_m)}: while an effect is missing it keeps to what the instruments say, where a free fit lets velocity, heads and times make up for it.` }));
-    }
     const warnings = found.warnings;
     // an effect that is missing bends the start model; where the answer explains the record, what that caused is of less weight
     const explained = found.verdict === "missing-effect" && near(proposals()[0]);

@@ -112,6 +112,18 @@ function looks(model) {
     h("ul", {}, doubtful.map((p) => h("li", {}, h("b", { text: named(p) }), ` ${inWords(p.advice)}`))));
 }
 
+// The groups of the last model: what an effect brings is brought into view.
+let [grouped, of] = [[], null];
+function seen(groups) {
+  const added = of === app.state.open.title && [...groups.keys()].find((name) => !grouped.includes(name));
+  [grouped, of] = [[...groups.keys()], app.state.open.title];
+  if (!added) return;
+  const box = at("hands");
+  const own = [...box.querySelectorAll(".group h3")].find((title) => title.textContent === added);
+  // the panel scrolls, and not the page
+  box.scrollTop += own.getBoundingClientRect().top - at("parameters").getBoundingClientRect().top;
+}
+
 let clockOpen = false;
 let looksOpen = false;
 let drawn = null;
@@ -136,6 +148,7 @@ export function parameters() {
     h("details", { class: "group", open: clockOpen, ontoggle: (event) => { clockOpen = event.target.open; } }, h("summary", { text: "sensors and clock" }), h("div", { class: "rows" }, ofRuns.map(row))), looks(model));
   model.parameters.forEach(update);
   at("trial").textContent = "";
+  seen(groups);
 }
 
 // An effect was switched off, or on again.

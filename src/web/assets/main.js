@@ -43,7 +43,7 @@ function title() {
   const warnings = open?.warnings || [];
   if (open && warned !== open.title) {
     warned = open.title;
-    if (warnings.length) complain(new Error(warnings.join(" ")));
+    if (warnings.length) complain(new Error(warnings.join(" ")), true);
   }
 }
 let gone = false;
@@ -160,8 +160,8 @@ document.addEventListener("keydown", (event) => event.key === "Escape" && menus(
 document.addEventListener("dragover", (event) => event.preventDefault());
 document.addEventListener("drop", (event) => {
   event.preventDefault();
-  const file = event.dataTransfer.files[0];
-  if (file) arrive(file);
+  const files = [...event.dataTransfer.files];
+  if (files.length) arrive(files);
 });
 
 let away = false;
@@ -179,7 +179,7 @@ function effects(all) {
 }
 
 // The charts come first. Then the page listens, and fetches the state again: no change in between is lost.
-const why = () => !app.state.open && app.state.failed && complain(new Error(app.state.failed));
+const why = () => !app.state.open && app.state.failed && complain(new Error(app.state.failed), true);
 renew().then(why).catch(complain).finally(() => {
   listen(events);
   redraw();

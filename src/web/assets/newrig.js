@@ -156,8 +156,11 @@ const heaviest = (remarks) => remarks.reduce((a, b) => (WEIGHTS.indexOf(b.weight
 function show() {
   const remarks = new Map();
   found.remarks.forEach((remark) => remarks.set(remark.field, [...(remarks.get(remark.field) || []), remark]));
+  // where a sensor stands is looked for once its unit is known
+  const unitOpen = found.remarks.some(({ field, weight }) => field.endsWith(".unit") && weight !== "assumed");
   for (const [key, { input, remark }] of fields) {
-    const said = remarks.has(key) ? heaviest(remarks.get(key)) : null;
+    const heard = remarks.has(key) ? heaviest(remarks.get(key)) : null;
+    const said = unitOpen && key.endsWith(".place") && heard?.weight === "assumed" ? null : heard;
     remark.hidden = !said;
     remark.className = `remark ${said?.weight || ""}`;
     remark.textContent = said?.says || "";

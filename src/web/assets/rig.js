@@ -1,7 +1,7 @@
 // The rig to scale. What an effect places along the pipe can be dragged there, or moved with the arrow keys; a double click, or Enter at the
 // keyboard's mark, offers what else could stand at a place.
 
-import { at, digits, named, put, svg } from "/assets/dom.js";
+import { at, digits, named, put, svg, uncertain } from "/assets/dom.js";
 import { app } from "/assets/store.js";
 import { move, release } from "/assets/hands.js";
 import { offer } from "/assets/place.js";
@@ -37,9 +37,9 @@ function marker(p, x, length, row) {
     group.setAttribute("transform", `translate(${x(m)} 0)`);
     group.setAttribute("aria-valuenow", m);
     group.setAttribute("aria-valuetext", `${digits(m, 4)} m`);
-    const error = p.standard_error > 0 && m === p.value ? ` ± ${digits(p.standard_error, 2)}` : "";
+    const said = p.standard_error > 0 && m === p.value ? uncertain(m, p.standard_error) : m.toFixed(Math.abs(m) < 100 ? 2 : 1);
     const what = /_(start|end)_m$/.test(p.name) ? named(p) : p.effect;
-    text.textContent = `${what} ${m.toFixed(Math.abs(m) < 100 ? 2 : 1)}${error} m`;
+    text.textContent = `${what} ${said} m`;
     // a name near an end of the pipe stays within the drawing
     text.setAttribute("text-anchor", m < 0.15 * length ? "start" : m > 0.85 * length ? "end" : "middle");
   };

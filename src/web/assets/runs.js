@@ -2,7 +2,7 @@
 
 import { ask } from "/assets/api.js";
 import { at, atNoise, digits, h, put, svg } from "/assets/dom.js";
-import { app, act } from "/assets/store.js";
+import { app, act, complain } from "/assets/store.js";
 import { compare } from "/assets/compare.js";
 import { drift } from "/assets/drift.js";
 import { arrive } from "/assets/arrive.js";
@@ -47,7 +47,7 @@ export function spark(heads) {
 
 function cell([key, , of], run) {
   const value = of(run);
-  if (key === "name") return h("td", {}, h("button", { type: "button", class: "link", text: run.name, "data-key": `open ${run.id}`, onclick: () => open([run.id]) }), run.open ? h("span", { class: "hint", text: " open" }) : "", run.error ? h("span", { class: "advice", text: ` ${run.error}` }) : "");
+  if (key === "name") return h("td", {}, h("button", { type: "button", class: "link", text: run.name, "data-key": `open ${run.id}`, onclick: () => open([run.id]) }), run.open ? h("span", { class: "hint", text: " open" }) : "", run.error ? h("span", { class: "advice", text: ` ${run.error}` }) : "", run.error?.includes("“Recover”") ? h("button", { type: "button", text: "Recover", "data-key": `recover ${run.id}`, onclick: () => recover(run.id) }) : "");
   if (key === "when") return h("td", { text: value ? new Date(value).toLocaleString() : "" });
   if (key === "error") return h("td", { class: `number ${value === null ? "" : atNoise(value, 1) ? "good" : "poor"}`, text: value === null ? "" : digits(value, value < 10 ? 2 : 3) });
   return typeof value === "number" ? h("td", { class: "number", text: digits(value, 3) }) : h("td", { text: value ?? "" });
@@ -57,6 +57,15 @@ function cell([key, , of], run) {
 export function apart(ids) {
   const rigs = new Set(app.state.runs.map(known).filter((run) => ids.includes(run.id) && run.rig).map((run) => run.rig));
   return rigs.size > 1 ? `These runs are of different rigs (${[...rigs].join(", ")}): a model belongs to one rig.` : null;
+}
+
+// What can be saved of a recording that was cut off, beside it.
+async function recover(id) {
+  app.opens = true;
+  const saved = await act("/api/recover", { run: id });
+  if (!saved) return;
+  at("runs").close();
+  complain(new Error([`${saved.written} holds what could be saved; the torn file stays as it is.`, ...saved.lost.map((loss) => `Lost: ${loss}.`)].join(" ")));
 }
 
 async function open(ids) {
@@ -90,7 +99,7 @@ export function runs() {
   const together = h("button", { type: "button", text: "Open together", title: "Fit one model to all chosen runs of one rig", onclick: () => open(ids()) });
   const beside = h("button", { type: "button", class: "primary", text: "Compare", onclick: () => compare([reference, ...ids().filter((id) => id !== reference)]) });
   const drifts = app.state.runs.length > 2 ? h("button", { type: "button", text: "Drift", title: "How fitted parameters change from run to run", onclick: drift }) : null;
-  const file = h("input", { type: "file", accept: ".csv,.txt,.tsv,.tdms,.mcap,.xlsx,.ods", onchange: () => file.files[0] && arrive(file.files[0]) });
+  const file = h("input", { type: "file", multiple: true, accept: ".csv,.txt,.tsv,.tdms,.mcap,.xlsx,.ods", onchange: () => file.files.length && arrive([...file.files]) });
   const update = () => {
     [...chosen].forEach((id) => app.state.runs.some((r) => r.id === id) || chosen.delete(id));
     if (!chosen.has(reference)) reference = ids()[0] ?? null;
@@ -152,7 +161,7 @@ export function runs() {
     h("div", { class: "heading tools" }, search, kind, count, h("span", { class: "fill" }), beside, together, drifts),
     h("div", { id: "import" }),
     h("div", { class: "list" }, h("table", { class: "runs" }, head, body)),
-    h("p", {}, h("label", {}, "Import a file of a logger (or drop it on the page): ", file)));
+    h("p", {}, h("label", {}, "Import a file of a logger, or several of one closure (or drop them on the page): ", file)));
   fill();
   again = fill;
   if (!dialog.open) dialog.showModal();

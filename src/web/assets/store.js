@@ -70,9 +70,12 @@ export function tell(text) {
   at("told").textContent = text;
 }
 
-export function complain(error) {
+// What is wrong; `once`: what a person has taken notice of does not come back when the page is loaded again.
+export function complain(error, once = false) {
   const text = error.message || String(error);
-  const message = h("p", {}, h("span", { text }), h("button", { type: "button", text: "Dismiss", onclick: () => message.remove() }));
+  if (once && sessionStorage.getItem(`noticed ${text}`)) return;
+  const noticed = () => { if (once) sessionStorage.setItem(`noticed ${text}`, "yes"); message.remove(); };
+  const message = h("p", {}, h("span", { text }), h("button", { type: "button", text: "Dismiss", onclick: noticed }));
   const dialog = [...document.querySelectorAll("dialog[open]")].at(-1);
   if (!dialog) { at("messages").replaceChildren(message); return; }
   // what lies behind a dialog can be neither read nor reached

@@ -84,6 +84,7 @@ pub fn router(session: Arc<Session>, guard: Arc<Guard>, more: Router<Arc<App>>) 
         .route("/api/cancel", post(cancel))
         .route("/api/import", post(import))
         .route("/api/new-rig", post(new_rig))
+        .route("/api/recover", post(recover))
         .route("/api/record", post(record))
         .route(
             "/api/record/stop",
@@ -131,6 +132,13 @@ struct OneParameter {
 #[serde(deny_unknown_fields)]
 struct OneModel {
     model: usize,
+}
+
+/// A run, by number.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct OneRun {
+    run: String,
 }
 
 /// The runs to open together, by number.
@@ -213,6 +221,14 @@ async fn cancel(State(app): State<Arc<App>>) -> Answer {
 
 async fn import(State(app): State<Arc<App>>, body: Bytes) -> Answer {
     calm(move || Ok(of_json(&app.session.import(&parsed(&body)?)?))).await
+}
+
+async fn recover(State(app): State<Arc<App>>, body: Bytes) -> Answer {
+    calm(move || {
+        let OneRun { run } = parsed(&body)?;
+        Ok(of_json(&app.session.recover(run.parse().map_err(|_| NoSuchRun)?)?))
+    })
+    .await
 }
 
 async fn new_rig(State(app): State<Arc<App>>, body: Bytes) -> Answer {

@@ -1,5 +1,6 @@
-//! A file that is dropped on the page becomes a recording in the folder, once its columns are agreed upon.
+//! What is dropped on the page becomes a recording in the folder, once its columns are agreed upon: one file, or several of one closure.
 
+use std::collections::BTreeSet;
 use std::error::Error;
 use std::path::{Path, PathBuf};
 
@@ -8,20 +9,33 @@ use base64::prelude::BASE64_STANDARD;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
+use crate::align::{Method, Part};
 use crate::draft::reading::Reading;
 use crate::draft::remark::Weight;
+use crate::recording::Recording;
 use crate::rig::Rig;
 use crate::rig::check::return_time_s;
 use crate::shown::Shown as _;
 use crate::signal::doubts::doubts;
 use crate::signal::faults::sensor_faults;
 use crate::signal::inspect;
-use crate::storage::import::{ImportOptions, Imported, SourceOptions, import_file, read_source, unit_warnings};
-use crate::storage::{LogError, keep, read, write};
+use crate::storage::import::{ImportOptions, Imported, Repair, SourceOptions, import_file, read_source, unit_warnings};
+use crate::storage::together::{recorded, together};
+use crate::storage::{keep, read, write};
 use crate::watch::evaluate::sentence;
-use crate::web::session::new_rig::free;
+use crate::web::session::new_rig::{free, name_of};
 
 type AnyError = Box<dyn Error + Send + Sync>;
+
+/// A file by its name and its bytes.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Further {
+    /// Its name.
+    pub name: String,
+    /// Its bytes, base64.
+    pub content: String,
+}
 
 /// A file as a page sends it.
 #[derive(Debug, Clone, Deserialize)]
@@ -31,6 +45,12 @@ pub struct Dropped {
     pub name: String,
     /// Its bytes, base64.
     pub content: String,
+    /// Further files of the same closure.
+    #[serde(default)]
+    pub further: Vec<Further>,
+    /// How their clocks are aligned; otherwise the most reliable way that all of them allow.
+    #[serde(default)]
+    pub align: Option<Method>,
     /// The run whose rig it is; otherwise the rig of what is open.
     #[serde(default)]
     pub rig_of: Option<String>,
@@ -61,56 +81,108 @@ pub struct Dropped {
 }
 
 impl Dropped {
-    /// Its name as a folder lists it, and its bytes.
+    /// The name of the first file as a folder lists it, and its bytes.
     ///
     /// # Errors
     /// A file without a name, content that is not base64.
     pub fn unpacked(&self) -> Result<(String, Vec<u8>), AnyError> {
-        let name = plain_name(&self.name).ok_or("the file has no name")?;
-        let bytes = BASE64_STANDARD.decode(&self.content).map_err(|e| format!("the content is not base64: {e}"))?;
-        Ok((name, bytes))
+        unpacked(&self.name, &self.content)
+    }
+
+    /// Writes all files to a folder, each under its name, and returns their paths.
+    fn unpack_to(&self, scratch: &Path) -> Result<Vec<PathBuf>, AnyError> {
+        let further = self.further.iter().map(|file| (&file.name, &file.content));
+        let mut paths = Vec::new();
+        for (number, (name, content)) in std::iter::once((&self.name, &self.content)).chain(further).enumerate() {
+            let (name, bytes) = unpacked(name, content)?;
+            // two files may have one name
+            let own = scratch.join(number.to_string());
+            std::fs::create_dir(&own)?;
+            paths.push(own.join(name));
+            std::fs::write(&paths[number], &bytes)?;
+        }
+        Ok(paths)
     }
 }
 
-/// Reads a file on a rig and, where that is agreed, writes it to a folder. Returns how it was understood, and the recording; of a table without a rig
-/// that it `needs_rig`.
+fn unpacked(name: &str, content: &str) -> Result<(String, Vec<u8>), AnyError> {
+    let name = plain_name(name).ok_or("the file has no name")?;
+    let bytes = BASE64_STANDARD.decode(content).map_err(|e| format!("the content is not base64: {e}"))?;
+    Ok((name, bytes))
+}
+
+/// What was understood of the files.
+struct Understood {
+    recording: Recording,
+    /// Each sensor with its column, unit, rate and first values.
+    sensors: Value,
+    mended: Vec<Repair>,
+    /// What else there is to say, in words.
+    notes: Vec<String>,
+}
+
+/// Reads what was dropped on a rig and, where that is agreed, writes it to a folder. Returns how it was understood, and the recording; of a table
+/// without a rig that it `needs_rig`.
 ///
 /// # Errors
-/// A file that is no recording of this rig, a folder that cannot be written to.
+/// Files that are no recording of this rig, or not of one closure; a folder that cannot be written to.
 pub fn take(dropped: &Dropped, rig: Option<&Rig>, folder: &Path) -> Result<(Value, Option<PathBuf>), AnyError> {
-    let (name, bytes) = dropped.unpacked()?;
-    let name = name.as_str();
     // readers go by the ending of a name
     let scratch = tempfile::tempdir()?;
-    let path = scratch.path().join(name);
-    std::fs::write(&path, &bytes)?;
-    // nobody knows the scratch file by its name
-    let by_name = |error: AnyError| sentence(&*error).replace(&*path.shown(), &Path::new(name).shown());
+    let paths = dropped.unpack_to(scratch.path())?;
+    // nobody knows the scratch files by their names
+    let by_name = |error: AnyError| {
+        paths.iter().fold(sentence(&*error), |said, path| said.replace(&*path.shown(), &name_of(path)))
+    };
+    let path = &paths[0];
     // A recording knows its rig, and is taken as it is.
-    let own = if dropped.rig_of.is_none() { read(&path).ok() } else { None };
+    let own = if dropped.rig_of.is_none() { read(path).ok() } else { None };
+    if paths.len() > 1 {
+        if let Some(whole) = paths.iter().find(|path| read(path).is_ok()) {
+            return Err(format!(
+                "{} is a whole recording, and goes with no other file: drop recordings one after the other",
+                name_of(whole)
+            )
+            .into());
+        }
+        if rig.is_none() {
+            return Err(format!(
+                "a rig is made from one table: drop {} alone first; once its rig is there, drop all files of a closure together",
+                name_of(path)
+            )
+            .into());
+        }
+    }
     let Some(rig) = own.as_ref().map(|recording| &recording.rig).or(rig) else {
-        return Ok((json!({ "needs_rig": name }), None));
+        return Ok((json!({ "needs_rig": name_of(path) }), None));
     };
     let sensors: Vec<&str> = rig.sensors.iter().map(|sensor| sensor.name.as_str()).collect();
     let mut remarks = Vec::new();
     let reading = dropped.reading.options(&mut remarks);
     let guessing = SourceOptions { rate_hz: reading.rate_hz.or(dropped.rate_hz), ..reading };
-    let source = read_source(&path, &guessing);
-    if let (Err(error), None) = (&source, &own) {
-        remarks.extend(Reading::unread(error));
+    let mut needs_rate = dropped.rate_hz.is_some();
+    let mut columns: Vec<String> = Vec::new();
+    for path in &paths {
+        match read_source(path, &guessing) {
+            Ok(source) => columns.extend(source.tracks.into_iter().map(|track| track.name)),
+            Err(error) if own.is_none() => {
+                needs_rate |= error.lacks_rate();
+                remarks.extend(Reading::unread(&error));
+            }
+            Err(_) => {}
+        }
     }
+    let mut seen = BTreeSet::new();
+    columns.retain(|column| seen.insert(column.clone()));
     if let (Some(wrong), true) = (remarks.iter().find(|remark| remark.weight == Weight::Wrong), dropped.accept) {
         return Err(format!("{}: {}", wrong.field, wrong.says).into());
     }
-    let needs_rate = dropped.rate_hz.is_some() || source.as_ref().is_err_and(LogError::lacks_rate);
-    let columns: Vec<String> =
-        source.map_or(Vec::new(), |read| read.tracks.into_iter().map(|track| track.name).collect());
     let scales = dropped.scales.iter().map(|(column, line)| Ok((column.clone(), line.parse()?)));
     let scales = scales.collect::<Result<Vec<_>, String>>();
     let read = scales
         .map_err(AnyError::from)
-        .and_then(|scales| imported(dropped, SourceOptions { scales, ..guessing }, rig, &path));
-    let imported = match read.map_err(by_name) {
+        .and_then(|scales| understood(dropped, &SourceOptions { scales, ..guessing }, rig, &paths));
+    let understood = match read.map_err(by_name) {
         // what is only looked at may still be mended: by the rate of its samples, or by saying which column is which sensor
         Err(error) if !dropped.accept && (needs_rate || !remarks.is_empty() || !columns.is_empty()) => {
             let about = json!({
@@ -120,15 +192,16 @@ pub fn take(dropped: &Dropped, rig: Option<&Rig>, folder: &Path) -> Result<(Valu
         }
         other => other?,
     };
-    remarks.extend(dropped.reading.asked(&imported.repairs));
-    let doubts = inspect(&imported.recording).map_or(Vec::new(), |features| doubts(rig, &features));
+    let Understood { recording, sensors: seen, mended, notes } = understood;
+    remarks.extend(dropped.reading.asked(&mended));
+    let doubts = inspect(&recording).map_or(Vec::new(), |features| doubts(rig, &features));
     let mut about = json!({
         "rig": rig.name, "remarks": remarks, "as_it_is": own.is_some(), "doubts": doubts, "columns": columns, "sensors": sensors, "needs_rate": needs_rate,
-        "understood": imported.understood(Path::new(name)), "mended": imported.repairs,
-        "warnings": unit_warnings(&imported.recording), "sensor_faults": sensor_faults(&imported.recording),
+        "understood": { "file": name_of(path), "sensors": seen }, "mended": mended, "joined": notes,
+        "warnings": unit_warnings(&recording), "sensor_faults": sensor_faults(&recording),
         "written": null,
     });
-    let taken = Path::new(name).file_stem().unwrap_or_default().to_string_lossy();
+    let taken = path.file_stem().unwrap_or_default().to_string_lossy();
     let out = free(folder, &taken, "mcap");
     let becomes = out.file_stem().unwrap_or_default().to_string_lossy();
     about["taken"] = json!(
@@ -139,11 +212,44 @@ pub fn take(dropped: &Dropped, rig: Option<&Rig>, folder: &Path) -> Result<(Valu
         return Ok((about, None));
     }
     match own {
-        Some(_) => keep(&out, &bytes)?,
-        None => write(&out, &imported.recording)?,
+        Some(_) => keep(&out, &std::fs::read(path)?)?,
+        None => write(&out, &recording)?,
     }
     about["written"] = json!(format!("{becomes}.mcap"));
     Ok((about, Some(out)))
+}
+
+/// One recording of all files, as `import` makes it.
+fn understood(
+    dropped: &Dropped,
+    reading: &SourceOptions,
+    rig: &Rig,
+    paths: &[PathBuf],
+) -> Result<Understood, AnyError> {
+    let alone = paths.len() == 1;
+    let (mut parts, mut mended, mut sensors, mut columns) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    for path in paths {
+        let source = SourceOptions { elsewhere: recorded(&parts, rig), ..reading.clone() };
+        let imported = imported(dropped, source, rig, path, alone)?;
+        let about = imported.understood(path);
+        let own = about["sensors"].as_array().cloned().unwrap_or_default();
+        // of a sensor that several files hold, the first
+        let held = |seen: &Value| !alone && seen["samples"] == json!(0);
+        sensors.extend(own.into_iter().filter(|seen| !held(seen)));
+        let Imported { recording, repairs, start_digit_s, names, .. } = imported;
+        columns.extend(names);
+        let of = |text: String| if alone { text } else { format!("{}: {text}", name_of(path)) };
+        mended.extend(repairs.into_iter().map(|repair| Repair { text: of(repair.text), ..repair }));
+        parts.push(Part { file: name_of(path), recording, start_digit_s });
+    }
+    let mut without = dropped.without.clone();
+    if !alone && !dropped.accept {
+        let held = recorded(&parts, rig);
+        without.extend(rig.sensors.iter().map(|s| s.name.clone()).filter(|name| !held.contains(name)));
+    }
+    let whole = together(parts, rig, &without, &columns, dropped.align)?;
+    let notes = whole.said().into_iter().chain(whole.clocks.iter().flat_map(|clock| clock.warnings.clone())).collect();
+    Ok(Understood { recording: whole.recording, sensors: json!(sensors), mended, notes })
 }
 
 /// A name that a folder lists and a line can show.
@@ -155,12 +261,18 @@ fn plain_name(name: &str) -> Option<String> {
 }
 
 /// As it stands, or else with guesses.
-fn imported(dropped: &Dropped, reading: SourceOptions, rig: &Rig, path: &Path) -> Result<Imported, AnyError> {
+fn imported(
+    dropped: &Dropped,
+    reading: SourceOptions,
+    rig: &Rig,
+    path: &Path,
+    alone: bool,
+) -> Result<Imported, AnyError> {
     let options = ImportOptions { without: dropped.without.clone(), ..ImportOptions::default() };
     let said = SourceOptions { map: dropped.map.clone(), ignore: dropped.ignore.clone(), guess: false, ..reading };
-    import_file(path, rig, &options, &said, true).or_else(|_| {
+    import_file(path, rig, &options, &said, alone).or_else(|_| {
         let period_s = 2.0 * return_time_s(rig, &rig.fluid.properties(rig.fluid.temperature_degc));
         let guessing = SourceOptions { guess: true, period_s: Some(period_s), ..said };
-        Ok(import_file(path, rig, &options, &guessing, true)?)
+        Ok(import_file(path, rig, &options, &guessing, alone)?)
     })
 }

@@ -23,6 +23,7 @@ use serde_json::{Value, json};
 use crate::record::health::disk::DiskWatch;
 use crate::record::health::snapshot::Disk;
 use crate::rig::Rig;
+use crate::storage::recover;
 use crate::watch::folder::list;
 use crate::web::session::actions::Action;
 use crate::web::session::arrival::Dropped;
@@ -31,7 +32,7 @@ use crate::web::session::benches::Benches;
 use crate::web::session::events::Hub;
 use crate::web::session::glances::Glances;
 use crate::web::session::jobs::{Busy, Jobs};
-use crate::web::session::new_rig::{Asked, Tables};
+use crate::web::session::new_rig::{Asked, Tables, free, name_of};
 use crate::web::session::place::{NoSuchRun, Place, Run};
 use crate::web::session::recording::{Recorder, Wanted};
 
@@ -231,6 +232,21 @@ impl Session {
     pub fn new_rig(self: &Arc<Self>, asked: &Asked) -> Result<Value, AnyError> {
         let (mut about, written) = self.tables.take(asked, &self.place.tables(), &self.folder())?;
         written.into_iter().for_each(|path| self.take_up(path, &mut about));
+        Ok(about)
+    }
+
+    /// Saves what is in a recording that was cut off, beside it, and opens that.
+    ///
+    /// # Errors
+    /// A run that does not exist, a file of which nothing can be saved, a folder that cannot be written to.
+    pub fn recover(self: &Arc<Self>, id: usize) -> Result<Value, AnyError> {
+        let torn = self.place.named(&[id])?.remove(0).path;
+        let stem = torn.file_stem().unwrap_or_default().to_string_lossy();
+        let out = free(&self.folder(), &format!("{stem}-recovered"), "mcap");
+        let saved = recover(&torn, &out)?;
+        let mut about =
+            json!({ "written": name_of(&out), "lost": saved.lost.iter().map(ToString::to_string).collect::<Vec<_>>() });
+        self.take_up(out, &mut about);
         Ok(about)
     }
 

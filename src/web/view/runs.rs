@@ -122,6 +122,9 @@ fn of_run(run: &Run, study: &Study, bench: Option<&Bench>) -> Value {
     say("period", "s", period.0, period.1);
     let crossings = features.wave_speed.crossings;
     say("wave speed, crossings", "m/s", crossings.map(|c| c.value), crossings.map(|c| c.standard_error));
+    // a slow closure has no front to cross
+    let of_period = estimate(features.wave_speed.period);
+    say("wave speed, 4L/T", "m/s", of_period.0, of_period.1);
     say("damping, first cycle", "1", features.damping_per_cycle.first().copied(), None);
     let (model, rmse_m, noise_m, parameters) = modelled(run, bench);
     json!({

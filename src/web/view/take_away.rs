@@ -6,7 +6,7 @@ use crate::fit::validate::conflict::warnings;
 use crate::fit::validate::energy::energy_of;
 use crate::report::page::html;
 use crate::report::view::panel::OwnUnit;
-use crate::report::{Page, Stage};
+use crate::report::{Page, Stage, page_title};
 use crate::results::fit_file::Form;
 use crate::results::fit_record::FitRecord;
 use crate::web::session::bench::Bench;
@@ -29,7 +29,7 @@ pub fn report(bench: &Bench) -> Result<String, AnyError> {
     let files: Vec<&str> = study.recordings().iter().map(|l| l.file.as_str()).collect();
     let warnings = study.warnings();
     Ok(html(&Page {
-        title: format!("{} on rig {}", files.join(", "), study.rig().name),
+        title: page_title(&files, study.rig()),
         stages,
         diagnoses: &diagnoses,
         warnings: &warnings,

@@ -34,6 +34,12 @@ fn words(option: Named) -> String {
             Some("log") => "the choice “when it was logged”".to_owned(),
             _ => "the field “time of a message”".to_owned(),
         },
+        "align" => match option.value {
+            Some(by) => format!("the choice “aligned by {by}”"),
+            None => "the choice “aligned by”".to_owned(),
+        },
+        // the page has no field for it, but files have a place
+        "start" => "a line such as ‘# start: 2026-03-14T09:26:53.5Z’ at the head of each file".to_owned(),
         "encoding" => format!("the field “code page”{value}"),
         "time_field" => format!("the field “field of a message with its time”{value}"),
         "flow" => format!("the field “flow before the closure”{value}"),
@@ -47,9 +53,17 @@ fn words(option: Named) -> String {
     }
 }
 
+/// The command that saves what is in a torn recording, for which the page has a button.
+const RECOVER: &str = "`surgescope recover ";
+
 /// A sentence as the page says it.
 pub fn worded(text: &str) -> Cow<'_, str> {
-    reworded(text, words)
+    let said = reworded(text, words);
+    let Some((before, (_, after))) = said.split_once(RECOVER).and_then(|(b, rest)| Some((b, rest.split_once('`')?)))
+    else {
+        return said;
+    };
+    Cow::Owned(format!("{before}“Recover” in the list of runs{after}"))
 }
 
 /// The same of every text in a line of JSON.
@@ -66,7 +80,7 @@ pub fn in_json(text: String) -> String {
             _ => {}
         }
     }
-    if !text.contains("option `") {
+    if !text.contains("option `") && !text.contains(RECOVER) {
         return text;
     }
     let Ok(mut value) = serde_json::from_str(&text) else { return text };
@@ -84,7 +98,11 @@ mod tests {
     #[test]
     fn every_option_that_an_import_names_is_one_of_the_page() {
         let mut folders = vec![std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("src/storage/import")];
-        let mut sources = vec![folders[0].with_file_name("error.rs"), folders[0].join("../../draft/answers.rs")];
+        let mut sources = vec![
+            folders[0].with_file_name("error.rs"),
+            folders[0].join("../../draft/answers.rs"),
+            folders[0].join("../../core/align/mod.rs"),
+        ];
         while let Some(folder) = folders.pop() {
             for entry in std::fs::read_dir(folder).unwrap() {
                 let path = entry.unwrap().path();
@@ -121,6 +139,8 @@ mod tests {
         let day = worded("'3/4' may be two dates: add option `date_order dmy` or option `date_order mdy`").into_owned();
         assert!(day.ends_with("add the choice “day first” or the choice “month first”"), "{day}");
         assert_eq!(worded("raise option `most_reaches 64`"), "raise the setting “most reaches 64”");
+        let torn = crate::storage::LogError::Torn("a b.mcap".into()).to_string();
+        assert!(worded(&torn).ends_with("“Recover” in the list of runs saves what is in it"), "{}", worded(&torn));
         assert_eq!(worded("option `map 'Druck 1=P1'`"), "the column ‘Druck 1’ beside the sensor P1");
     }
 }

@@ -98,7 +98,7 @@ pub(crate) fn creeping_in(of: Noise, rig: &Rig, file: &str, velocity: f64, closi
             velocity_m_s: (meter.flow_m3_s / rig.pipes[0].area_m2(), 0.005),
             valve_head_m: (25.01, None),
             wave_speed_ratio: None,
-            closing_time_s: None,
+            closing_time: None,
         },
         meter: Some(meter),
         extrema: vec![Vec::new(); 2],

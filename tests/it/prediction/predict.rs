@@ -147,7 +147,7 @@ fn a_file_of_models_predicts_recordings_of_its_line_only() {
     assert!(held["predicted_rmse_m"].as_f64().unwrap() > error, "a wrong closing time predicts worse");
 
     let other = common::NOTHING;
-    refused(&["predict", &model, other, "--json"], &["another pipeline", "length"]);
+    refused(&["predict", &model, other, "--json"], &["another pipeline", "length 82.21 m, not 135.52"]);
     let forced = done(&["predict", &model, other, "--other-rig"]);
     assert!(forced["predicted_rmse_m"].as_f64().unwrap() > 5.0 * forced["noise_m"].as_f64().unwrap());
     refused(&["predict", &model, own, "--hold", "wave_speed_m_s=300"], &["is the model's, not the run's"]);

@@ -85,6 +85,63 @@ fn a_messy_table_is_looked_at_then_imported_and_opened() {
     assert_eq!(refused["error"], "x.mcap is not an MCAP file");
 }
 
+/// Two loggers of one closure, each with a sensor of its own: dropped together they become what `import A B` makes of them.
+#[test]
+fn two_files_of_one_closure_are_joined_as_the_command_joins_them() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::copy(here(CREEP), folder.path().join("run.mcap")).unwrap();
+    done_in(folder.path(), &["export", "run.mcap", "-o", "whole.csv"]);
+    let whole = std::fs::read_to_string(folder.path().join("whole.csv")).unwrap();
+    let lines: Vec<Vec<&str>> =
+        whole.lines().filter(|line| !line.starts_with('#')).map(|line| line.split(',').collect()).collect();
+    let names = lines[0].clone();
+    let second = names.iter().position(|name| *name == "P2").unwrap();
+    // the second logger started 2.5 s before the first
+    let of = |own: &dyn Fn(usize) -> bool, later_s: f64, start: &str| {
+        let row = |(i, cells): (usize, &Vec<&str>)| {
+            let time =
+                if i == 0 { cells[0].to_owned() } else { format!("{:.6}", cells[0].parse::<f64>().unwrap() + later_s) };
+            let rest = (1..cells.len()).filter(|&c| own(c)).map(|c| format!(",{}", cells[c]));
+            let row = time + &rest.collect::<String>() + "\n";
+            (row.trim_end().trim_end_matches(',').contains(',')).then_some(row)
+        };
+        format!("# start: 2026-03-14T09:26:{start}Z\n") + &lines.iter().enumerate().filter_map(row).collect::<String>()
+    };
+    let files = [("one.csv", of(&|c| c != second, 0.0, "53.5")), ("two.csv", of(&|c| c == second, 2.5, "51.0"))];
+    for (name, text) in &files {
+        std::fs::write(folder.path().join(name), text).unwrap();
+    }
+    let bench = Workbench::open(folder.path(), &["run.mcap"]);
+    bench.fitted();
+    let file = |i: usize| json!({ "name": files[i].0, "content": base64(files[i].1.as_bytes()) });
+    let dropped = |accept: bool| json!({ "name": files[0].0, "content": file(0)["content"], "further": [file(1)], "accept": accept });
+    let looked = bench.post("/api/import", &dropped(false), 200);
+    assert!(looked["problem"].is_null(), "{looked}");
+    let seen: Vec<&str> =
+        looked["understood"]["sensors"].as_array().unwrap().iter().map(|s| s["sensor"].as_str().unwrap()).collect();
+    assert!(names[1..].iter().all(|name| seen.iter().filter(|s| s == &name).count() == 1), "{seen:?}");
+    let said = looked["joined"][0].as_str().unwrap();
+    assert!(said.starts_with("two.csv: aligned by the front"), "{said}");
+    let by_time = json!({ "name": files[0].0, "content": file(0)["content"], "further": [file(1)], "align": "time" });
+    let said = bench.post("/api/import", &by_time, 200)["joined"][0].as_str().unwrap().to_owned();
+    assert!(said.starts_with("two.csv: aligned by absolute time: time 0 s is at -2.5"), "{said}");
+    assert_eq!(bench.post("/api/import", &dropped(true), 200)["written"], "one.mcap");
+    let rig = here("rigs/demo-hdpe.toml");
+    done_in(folder.path(), &["import", "one.csv", "two.csv", "--rig", rig.to_str().unwrap(), "-o", "by-command.mcap"]);
+    let read = |name: &str| surgescope::storage::read(&folder.path().join(name)).unwrap();
+    assert_eq!(read("one.mcap").series, read("by-command.mcap").series);
+    // two runs are no parts of one
+    let twice = json!({ "name": "a.csv", "content": file(0)["content"], "further": [{ "name": "b.csv", "content": file(0)["content"] }] });
+    let problem = bench.post("/api/import", &twice, 200)["problem"].as_str().unwrap().to_owned();
+    assert!(problem.contains("at the same times") && problem.contains("import each alone"), "{problem}");
+    assert!(!problem.contains("option `"), "{problem}");
+    // a recording goes with no other file
+    let recording = base64(&std::fs::read(here(CREEP)).unwrap());
+    let mixed = json!({ "name": "a.csv", "content": file(0)["content"], "further": [{ "name": "b.mcap", "content": recording }] });
+    let refused = bench.post("/api/import", &mixed, 400)["error"].as_str().unwrap().to_owned();
+    assert!(refused.starts_with("b.mcap is a whole recording"), "{refused}");
+}
+
 #[cfg(unix)]
 #[test]
 fn a_simulated_shot_is_recorded_live_and_diagnosed_by_itself() {

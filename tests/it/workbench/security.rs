@@ -28,7 +28,7 @@ const GETS: [&str; 17] = [
     "/api/report",
     "/api/fit.toml",
 ];
-const POSTS: [&str; 14] = [
+const POSTS: [&str; 15] = [
     "/api/simulate",
     "/api/diagnose",
     "/api/fit",
@@ -41,6 +41,7 @@ const POSTS: [&str; 14] = [
     "/api/open",
     "/api/cancel",
     "/api/import",
+    "/api/recover",
     "/api/record",
     "/api/record/stop",
 ];

@@ -1,6 +1,6 @@
 // (b) A messy table is dropped on the page, its column mapped, and fitted.
 import assert from "node:assert";
-import { readFileSync } from "node:fs";
+import { readFileSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
 import { close, settled, story } from "./helpers.mjs";
 
@@ -10,6 +10,58 @@ const mess = (csv) => {
   const heading = `Zeit [s];${lines[0].split(",").slice(1).join(";").replace("P1", "Druck Ventil")}`;
   return [heading, ...lines.slice(1).map((line) => line.replaceAll(",", ";").replaceAll(".", ","))].join("\n");
 };
+
+// Two loggers of one closure: what the second has is taken out of the first.
+const parted = (csv, name) => {
+  const lines = csv.split("\n").filter((line) => line && !line.startsWith("#")).map((line) => line.split(","));
+  const at = lines[0].indexOf(name);
+  const rows = (keep) => lines.map((cells) => cells.filter((_, i) => i === 0 || keep(i))).filter((cells) => cells.slice(1).some(Boolean)).map((cells) => cells.join(",")).join("\n");
+  return [rows((i) => i !== at), rows((i) => i === at)];
+};
+
+await story("two files that are dropped together become one recording", { files: { "run.mcap": "hdpe-creep.mcap" }, words: ["run.mcap"] }, async ({ folder, text, page: open, state, shot }) => {
+  text("export", "run.mcap", "-o", "plain.csv");
+  const files = parted(readFileSync(join(folder, "plain.csv"), "utf8"), "P2");
+  const page = await open();
+  await settled(page);
+  const drop = (names) => page.evaluate(([contents, names]) => {
+    const data = new DataTransfer();
+    contents.forEach((content, i) => data.items.add(new File([content], names[i], { type: "text/csv" })));
+    document.dispatchEvent(new DragEvent("drop", { dataTransfer: data, bubbles: true }));
+  }, [files, names]);
+  await drop(["valve.csv", "middle.csv"]);
+  await page.waitForFunction(() => document.querySelector("#import h3")?.textContent === "valve.csv and middle.csv, as understood");
+  const said = await page.textContent("#import");
+  assert(said.includes("middle.csv: aligned by the front"), said);
+  await shot(page, "two-files");
+  await page.click("#import button.primary");
+  await page.waitForFunction(() => document.querySelector("#title").textContent.includes("valve.mcap"));
+  await settled(page);
+  const sensors = (await state()).open.runs[0].sensors.map((sensor) => sensor.name).sort();
+  assert.deepEqual(sensors, ["P1", "P2", "P3"]);
+});
+
+const RIG = ["name = \"copper\"", "[fluid]", "name = \"water\"", "temperature_degC = 18.0", "[[pipe]]", "name = \"main\"", "length_m = 100.0", "inner_diameter_mm = 19.0", "wall_thickness_mm = 1.5", "material = \"copper\"", "[upstream]", "kind = \"reservoir\"", "[downstream]", "kind = \"valve\"", "closing_time_s = 0.1",
+  ...[["Valve", "pressure", 100, "bar"], ["Middle", "pressure", 62, "bar"], ["Flow", "flow", 100, "L/min"]].flatMap(([name, kind, place, unit]) => ["[[sensor]]", `name = "${name}"`, `kind = "${kind}"`, `position_m = ${place}.0`, `unit = "${unit}"`])].join("\n");
+
+await story("what the file does not say of its times is asked for before it is imported", { files: { "logger.csv": "logger.csv" }, words: ["rig.toml"], prepare: ({ folder }) => writeFileSync(join(folder, "rig.toml"), RIG) }, async ({ folder, page: open, shot }) => {
+  const page = await open();
+  await page.waitForFunction(() => document.querySelector("#title").textContent.length > 0);
+  await page.evaluate((content) => {
+    const data = new DataTransfer();
+    data.items.add(new File([content], "again.csv", { type: "text/csv" }));
+    document.dispatchEvent(new DragEvent("drop", { dataTransfer: data, bubbles: true }));
+  }, readFileSync(join(folder, "logger.csv"), "utf8"));
+  const unit = page.locator('#import select[data-key="time_unit"]');
+  await unit.waitFor();
+  assert(await page.locator("#import button.primary").isDisabled(), "the unit of the times is not guessed");
+  await shot(page, "times-asked");
+  await unit.selectOption("ms");
+  await page.waitForFunction(() => !document.querySelector("#import button.primary").disabled);
+  await page.click("#import button.primary");
+  await page.waitForFunction(() => document.querySelector("#title").textContent.includes("again.mcap"));
+  await settled(page);
+});
 
 await story("a messy table is mapped and fitted as by `import` and `calibrate`", { files: { "run.mcap": "copper-leak.mcap" }, words: ["run.mcap"] }, async ({ folder, command, text, page: open, state, shot }) => {
   text("export", "run.mcap", "-o", "plain.csv");

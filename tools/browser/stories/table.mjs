@@ -86,6 +86,8 @@ await story("a table in volts that counts its samples is dropped on an empty fol
   await waitRemark(page, "columns", "No column is a pressure yet");
   await page.selectOption('[data-key="columns.0.is"]', "pressure");
   await page.waitForSelector('[data-key="columns.0.unit"]:visible');
+  await page.waitForFunction(() => document.getElementById("remark-columns.0.unit").textContent.length > 0);
+  assert(await page.isHidden('[id="remark-columns.0.place"]'), "the unit is asked for beside the unit, and not beside the place");
   await page.fill('[data-key="columns.0.unit"]', "1..5 -> 0..20");
   await waitRemark(page, "columns.0.unit", "unit of the result");
   await page.fill('[data-key="columns.0.unit"]', "1..5 -> 0..20 bar");

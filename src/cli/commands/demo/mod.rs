@@ -41,8 +41,8 @@ pub struct Args {
     /// Hide this effect in the test; without it, a shipped test of a pipe whose wall creeps is played.
     #[arg(long, value_name = "EFFECT")]
     hidden: Option<String>,
-    /// Draw the hidden effect's values and the noise: the same number gives the same test [default: the values where a fit starts].
-    #[arg(long, value_name = "N", requires = "hidden")]
+    /// Draw the hidden effect's values and the noise, with --hidden: the same number gives the same test [default: the values where a fit starts].
+    #[arg(long, value_name = "N")]
     seed: Option<u64>,
     /// List the effects that can be hidden.
     #[arg(long, conflicts_with = "hidden")]
@@ -74,9 +74,16 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     if args.list {
         return list(json);
     }
-    let hidden = match &args.hidden {
-        Some(name) => Hidden::in_a_test(name, args.seed)?,
-        None => Hidden::shipped(),
+    let hidden = match (&args.hidden, args.seed) {
+        (Some(name), seed) => Hidden::in_a_test(name, seed)?,
+        (None, None) => Hidden::shipped(),
+        (None, Some(seed)) => {
+            return Err(format!(
+                "--seed draws the values of a hidden effect, and the test that ships has none: write `surgescope demo --hidden leak --seed {seed}`; \
+                 --list names the effects"
+            )
+            .into());
+        }
     };
     std::fs::create_dir_all(&args.output)
         .map_err(|e| format!("cannot make the folder {}: {e}", args.output.shown()))?;

@@ -7,7 +7,7 @@ use crate::diagnose::evidence::tempered;
 use crate::diagnose::limits::{DESIGN, MOST_REPEATS, WANTED_ODDS};
 use crate::diagnose::next::answer::{Answer, Known};
 use crate::diagnose::next::change::{Change, Stage};
-use crate::fit::data::run_data::RunData;
+use crate::fit::data::run_data::{RunData, ShownClosing};
 use crate::fit::numeric::least_squares::{Problem, minimise};
 use crate::fit::problem::fit_problem::FitProblem;
 use crate::model::effects::Chosen;
@@ -152,7 +152,8 @@ pub(crate) fn prepared(stage: &Stage, known: &Known, change: Change) -> RunData 
     let (mut run, own) = (stage.run.clone(), change.of(&known.runs[0]));
     run.start.velocity_m_s.0 = own.initial_velocity_m_s;
     run.start.valve_head_m.0 = own.valve_head_m;
-    run.start.closing_time_s = Some(own.closing_time_s);
+    let known_s = own.closing_time_s;
+    run.start.closing_time = Some(ShownClosing { seen_s: (known_s, 0.0), said_s: (known_s, None) });
     run.start.closure_s.0 = known.closure_s;
     run.start.wave_speed_ratio = None;
     run

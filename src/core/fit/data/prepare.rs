@@ -1,9 +1,9 @@
 //! From a recording and its signals to what a fit needs.
 
-use crate::fit::data::run_data::{Meter, RunData, RunStart, SensorData};
+use crate::fit::data::run_data::{Meter, RunData, RunStart, SensorData, ShownClosing};
 use crate::fit::data::thresholds::{
-    CLOSING_TIME_FACTOR, DEFAULT_FLOW_UNCERTAINTY, DEFAULT_OFFSET_SHARE, FEWEST_BEFORE, JOUKOWSKY_UNCERTAINTY,
-    SMOOTHING_EXCESS, VAPOUR_MARGIN_PA,
+    CLOSING_TIME_FACTOR, CLOSURE_END_PERIODS, DEFAULT_FLOW_UNCERTAINTY, DEFAULT_OFFSET_SHARE, FEWEST_BEFORE,
+    JOUKOWSKY_UNCERTAINTY, SMOOTHING_EXCESS, VAPOUR_MARGIN_PA,
 };
 use crate::model::Conditions;
 use crate::model::effects::ATMOSPHERE_PA;
@@ -74,7 +74,7 @@ pub fn prepare(file: &str, rig: &Rig, recording: &Recording, features: &Features
             velocity_m_s,
             valve_head_m: valve_head(rig, features, &water, velocity_m_s.0, rise_m),
             wave_speed_ratio: measured_speed.map(|a| a / mean_speed),
-            closing_time_s: shown_closing_time(rig, features),
+            closing_time: shown_closing_time(rig, features),
         },
         meter: flow_meter(rig, features, velocity_m_s),
         extrema,
@@ -99,11 +99,16 @@ fn impulse_velocity(recording: &Recording, features: &Features) -> Option<f64> {
 
 /// The closing time that the pressures show: always of a slow closure, whose end the oscillation after it tells to a fraction of a period, while the rig
 /// file's may be off by many; of a fast one where the rig file's is far from it.
-fn shown_closing_time(rig: &Rig, features: &Features) -> Option<f64> {
+fn shown_closing_time(rig: &Rig, features: &Features) -> Option<ShownClosing> {
     let (nominal_s, closure) = (rig.valve.closing_time_s, &features.closure);
     let seen_s = closure.end_s? - closure.pressure_onset_s;
     let agree = (seen_s / CLOSING_TIME_FACTOR..=seen_s * CLOSING_TIME_FACTOR).contains(&nominal_s);
-    (seen_s > 0.0 && (closure.slow || !agree)).then_some(seen_s)
+    let error_s = features.period.map_or(0.0, |period| CLOSURE_END_PERIODS * period.value);
+    let shown = ShownClosing {
+        seen_s: (seen_s, error_s),
+        said_s: (nominal_s, rig.valve.closing_time_tolerance.map(|share| share * nominal_s)),
+    };
+    (seen_s > 0.0 && (closure.slow || !agree)).then_some(shown)
 }
 
 /// Leaves out and counts the samples at which a pressure sensor is at the end of its range. An end below the vapour pressure does not count: the
@@ -137,7 +142,7 @@ fn plausible_speed(rig: &Rig, water: &WaterProperties, features: &Features) -> O
     [
         speeds.crossings.map(|c| c.value),
         speeds.arrival.map(|a| a.value),
-        features.period.map(|p| 4.0 * rig.length_m() / p.value),
+        speeds.period.map(|p| p.value),
         speeds.joukowsky.map(|j| j.value),
     ]
     .into_iter()

@@ -72,6 +72,15 @@ pub struct RunStart {
     pub valve_head_m: (f64, Option<f64>),
     /// Wave speed relative to the rig's start value, where the signals show it.
     pub wave_speed_ratio: Option<f64>,
-    /// Closing time that the pressures show, s, where it counts more than the rig file's.
-    pub closing_time_s: Option<f64>,
+    /// Closing time that the record shows, where it counts more than the rig file's.
+    pub closing_time: Option<ShownClosing>,
+}
+
+/// How long the valve takes to close, as a record shows it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ShownClosing {
+    /// The time, s, and its standard error.
+    pub seen_s: (f64, f64),
+    /// The rig file's, s, and its standard deviation where the file gives one.
+    pub said_s: (f64, Option<f64>),
 }

@@ -420,7 +420,21 @@ impl Problem for FitProblem<'_> {
         }
     }
 
+    /// Start and end of a closure are bends of the head, and these come back with every wave. A grid shows a bend to a time step: moved by less, its
+    /// two steps change by what the grid makes of it, differently where the curve is read later (the start) and where it is simulated anew (the closing
+    /// time). What both leave alone, an end that stays where it is, would seem to be seen well. So both move by one time step, unless the closure takes
+    /// less than 2L/a: then the front shows its start and its end.
     fn difference_step(&self, j: usize) -> f64 {
+        if let Some((own, closing)) = self.run_of(j).map(|r| (j - self.run_offsets[r], self.closing_time_variable(r))) {
+            let closing_s = self.parameters[closing].start;
+            let period_s = self.model.period_s(&self.start_values()[..self.model.shared.len()]);
+            let step_s = 0.25 * period_s / self.window.reaches as f64;
+            match own {
+                CLOSING_TIME if closing_s > 0.5 * period_s => return (step_s / closing_s).ln_1p(),
+                CLOSURE_START if closing_s > 0.5 * period_s => return step_s,
+                _ => {}
+            }
+        }
         match self.parameters[j].scale {
             Scale::Log => 1e-5,
             // Heads and offsets in m, times in s: small against noise and fronts, large against rounding.

@@ -34,7 +34,7 @@ pub(crate) fn of(model: &Model, runs: &[RunData]) -> (Vec<Parameter>, Vec<usize>
             prior: valve_head_m.1.map(|sd| (valve_head_m.0, sd)),
             ..head
         });
-        let closing = known_closing(model.rig, started_at(closing, run.start.closing_time_s));
+        let closing = known_closing(model.rig, started_at(closing, run.start.closing_time.map(|shown| shown.seen_s.0)));
         // A valve that closes slowly hardly moves the head at first.
         let reach = (10.0 * closure_s.1).max(0.25 * period_s.max(closing.start));
         parameters.extend([closing, friction]);

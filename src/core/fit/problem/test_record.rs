@@ -90,7 +90,7 @@ pub(crate) fn record(
             velocity_m_s: (velocity, 0.01),
             valve_head_m: (run.valve_head_m, None),
             wave_speed_ratio: None,
-            closing_time_s: None,
+            closing_time: None,
         },
         meter: Some(meter),
         extrema: vec![extrema],

@@ -143,7 +143,7 @@ mod tests {
                     velocity_m_s: (0.31, 0.05),
                     valve_head_m: (40.1, None),
                     wave_speed_ratio: None,
-                    closing_time_s: None,
+                    closing_time: None,
                 },
                 meter: None,
                 extrema: vec![Vec::new(); 3],

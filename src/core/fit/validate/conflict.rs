@@ -1,6 +1,7 @@
 //! Where a fit contradicts what was known before it: a fit may reach the noise with a velocity that contradicts the meter.
 
-use crate::fit::data::run_data::RunData;
+use crate::fit::data::run_data::{RunData, ShownClosing};
+use crate::fit::data::thresholds::CLOSING_TIME_FACTOR;
 use crate::fit::outcome::fit::{Fit, FittedParameter, RunFit};
 use crate::fit::problem::parameters::placed_sensor;
 use crate::fit::validate::thresholds::{CONFLICT_SD, LACKING_RATIO, PRIOR_CONFLICT_SD};
@@ -143,14 +144,24 @@ fn of_record(run: &RunData) -> Vec<String> {
             run.file, sensor.saturated, sensor.sensor.name
         )
     });
-    let closing = run.start.closing_time_s.map(|seen_s| {
+    let closing = run.start.closing_time.filter(contradicts_rig_file).map(|shown| {
         format!(
-            "{}: the first rise shows that the valve closes in about {seen_s:.3} s, where the fit started: closing_time_s of the rig file is \
-             far from it",
-            run.file
+            "{}: the record shows that the valve closes in about {} s: closing_time_s of the rig file is far from it",
+            run.file,
+            significant(shown.seen_s.0, 3)
         )
     });
     saturated.chain(closing).collect()
+}
+
+/// Whether a closing time lies farther from the rig file's than its tolerance and what the record leaves open; where the file gives no tolerance, by a
+/// factor.
+fn contradicts_rig_file(closing: &ShownClosing) -> bool {
+    let ((seen_s, error_s), (said_s, sd_s)) = (closing.seen_s, closing.said_s);
+    match sd_s {
+        Some(sd_s) => (seen_s - said_s).abs() > CONFLICT_SD * sd_s.hypot(error_s),
+        None => (seen_s / said_s).ln().abs() > CLOSING_TIME_FACTOR.ln(),
+    }
 }
 
 /// One sentence for each run whose [noise dies away](RunFit::noise_dies_away): no conflict, but its errors are those of the noise before the closure.
@@ -176,8 +187,13 @@ pub fn too_narrow(fit: &Fit) -> Option<String> {
     fit.converged.then(|| lacking(rmse_m, noise_m, fit.grid_error_m)).flatten()
 }
 
+/// Whether a model leaves more than the noise and its grid's own error: then the errors of its values are lower bounds.
+pub fn lacks_something(rmse_m: f64, noise_m: f64, grid_error_m: f64) -> bool {
+    rmse_m > LACKING_RATIO * noise_m.hypot(2.0 * grid_error_m)
+}
+
 fn lacking(rmse_m: f64, noise_m: f64, grid_error_m: f64) -> Option<String> {
-    (rmse_m > LACKING_RATIO * noise_m.hypot(2.0 * grid_error_m)).then(|| {
+    lacks_something(rmse_m, noise_m, grid_error_m).then(|| {
         format!(
             "the model leaves {} times the noise: what it lacks pulls its parameters away, by how much nobody knows. The 95% intervals are lower \
              bounds of what is uncertain, those of creep and wave speed among them",
@@ -226,6 +242,23 @@ mod tests {
             sensors,
         };
         assert!(dies_away(&run, "").starts_with("a.mcap: the fit leaves 0.26 of the noise before the closure"));
+    }
+
+    /// A valve of 2 s that is seen to close in 2.013 s is no conflict, however well that is seen; one that is said to 1% and seen to close in 2.3 s is.
+    #[test]
+    fn a_closing_time_is_judged_by_what_the_rig_file_leaves_open() {
+        let closing = |seen_s, said_s| contradicts_rig_file(&ShownClosing { seen_s, said_s });
+        assert!(!closing((2.013, 1e-4), (2.0, None)));
+        assert!(!closing((2.013, 1e-4), (2.0, Some(0.02))));
+        assert!(closing((2.3, 0.02), (2.0, Some(0.02))));
+        // 0.1 s is no more than five standard deviations of what the record leaves open
+        assert!(!closing((2.1, 0.025), (2.0, Some(0.0))));
+        assert!(closing((2.1, 0.01), (2.0, Some(0.0))));
+        assert!(
+            closing((4.1, 1e-4), (2.0, None))
+                && closing((0.9, 1e-4), (2.0, None))
+                && !closing((3.9, 1e-4), (2.0, None))
+        );
     }
 
     /// Twice the noise is too much, a tenth more is not; nor is anything where the grid's own error explains it.
