@@ -13,6 +13,8 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
+use crate::storage::schema::Kind;
+
 /// Profile in the file header.
 pub const PROFILE: &str = "surgescope";
 /// Name of the attachment that holds the rig file.
@@ -63,6 +65,11 @@ pub(crate) fn to_ns(time_s: f64) -> Option<i64> {
 /// up to nine decimals comes back as the same `f64` that its text parses to, up to some weeks.
 pub(crate) fn to_s(ns: i64) -> f64 {
     ns as f64 / 1e9
+}
+
+/// How samples that come together are written while a test runs: as a block above [`BLOCK_ABOVE_HZ`], else each as a message.
+pub fn kind_of(count: usize, period_ns: f64) -> Kind {
+    if count > 1 && period_ns < 1e9 / BLOCK_ABOVE_HZ { Kind::Block } else { Kind::Sample }
 }
 
 /// Nanoseconds from the first sample of a regular block to its sample `index`.

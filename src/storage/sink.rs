@@ -230,13 +230,18 @@ impl<W: Write + Seek> Sink<Muted<W>> {
     }
 }
 
-fn channels(index: usize, sensor: &Sensor, csv: Option<&CsvFormat>) -> SensorChannels {
-    let mut metadata = BTreeMap::from([
+/// What the channels of a sensor say of it.
+pub(crate) fn metadata_of(sensor: &Sensor) -> BTreeMap<String, String> {
+    BTreeMap::from([
         (key::SENSOR.to_string(), sensor.name.clone()),
         (key::KIND.to_string(), sensor.kind.name().to_string()),
         (key::UNIT.to_string(), sensor.unit.to_string()),
         (key::POSITION.to_string(), sensor.position_m.to_string()),
-    ]);
+    ])
+}
+
+fn channels(index: usize, sensor: &Sensor, csv: Option<&CsvFormat>) -> SensorChannels {
+    let mut metadata = metadata_of(sensor);
     let column = csv.and_then(|c| c.columns.iter().enumerate().find(|(_, (sensor, _))| *sensor == index));
     if let Some((place, (_, decimals))) = column {
         metadata.insert(key::COLUMN.into(), place.to_string());

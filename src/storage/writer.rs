@@ -12,9 +12,9 @@ use crate::storage::compress::{LeftOut, Moves, compress};
 use crate::storage::disk;
 use crate::storage::end::end_in_place;
 use crate::storage::error::LogError;
-use crate::storage::layout::{BLOCK_ABOVE_HZ, offset_ns, to_ns, to_s};
+use crate::storage::layout::{kind_of, offset_ns, to_ns, to_s};
 use crate::storage::retime::{ClockFix, Retimer};
-use crate::storage::schema::Block;
+use crate::storage::schema::{Block, Kind};
 use crate::storage::sink;
 use crate::storage::sink::{LIVE_CHUNK_BYTES, Muted, Sink};
 
@@ -111,7 +111,7 @@ impl Writer {
         self.advance(sensor, first_ns, end_ns)?;
         let path = &self.path;
         let sink = self.sink.as_mut().ok_or_else(|| closed(path))?;
-        if last > 0 && period_ns < 1e9 / BLOCK_ABOVE_HZ {
+        if kind_of(values.len(), period_ns) == Kind::Block {
             let block = Block { period_ns: Some(period_ns), values: values.to_vec(), times_s: Vec::new() };
             sink.block(sensor, first_ns, &block)?;
             self.written(64 + 8 * values.len() as u64)

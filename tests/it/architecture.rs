@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The rooms from the cellar up. A room may use what stands before it, with the exceptions below.
-const ROOMS: [&str; 29] = [
+const ROOMS: [&str; 31] = [
     "units",
     "number",
     "shown",
@@ -27,6 +27,8 @@ const ROOMS: [&str; 29] = [
     "storage",
     "draft",
     "record",
+    "own_host",
+    "live",
     "simulate",
     "results",
     "study",

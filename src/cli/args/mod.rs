@@ -7,6 +7,7 @@ pub(crate) mod fit_output;
 pub(crate) mod hold;
 pub(crate) mod ignore;
 pub(crate) mod import_options;
+pub(crate) mod live;
 pub(crate) mod misfit;
 pub(crate) mod own_values;
 pub(crate) mod profile;

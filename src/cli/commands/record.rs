@@ -6,6 +6,7 @@ use std::time::Duration;
 use clap::ArgGroup;
 
 use crate::cli::args::evaluation;
+use crate::cli::args::live::Live;
 use crate::cli::args::triggers::Triggers;
 use crate::cli::args::values::{not_negative, pair, positive, setting};
 use crate::cli::console::document::{document, say_document};
@@ -19,6 +20,7 @@ use crate::cli::console::stop::{STOP, stop_on_signals};
 use crate::model::effects::{Chosen, parse_list};
 use crate::record::devices::source::Sources;
 use crate::record::health::snapshot::Snapshot;
+use crate::record::session::feed::Watched;
 use crate::record::session::live_test as session;
 use crate::record::session::live_test::{Options, SILENCE_S, live_devices};
 use crate::record::session::output::{Summary, check_path};
@@ -48,6 +50,8 @@ pub struct Args {
     output: Option<PathBuf>,
     #[command(flatten)]
     triggers: Triggers,
+    #[command(flatten)]
+    live: Live,
     /// Stop after this recorded time, in seconds.
     #[arg(long, value_name = "S", value_parser = positive, allow_negative_numbers = true)]
     duration: Option<f64>,
@@ -108,6 +112,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             .into());
         }
     }
+    args.live.check()?;
     stop_on_signals()?;
     let rig = args.rig.as_deref().map(Rig::load).transpose()?;
     let operator = args.operator.iter().map(|name| ("operator".to_owned(), name.clone()));
@@ -121,7 +126,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let reporter = Reporter::open();
     let summary = record(&args, rig.as_ref(), &options, &mut |snapshot| reporter.show(snapshot));
     reporter.close();
-    let summary = summary?;
+    let (summary, watched) = summary?;
     let outcome = |failed: bool| match (summary.data_lost, failed) {
         (true, _) => Outcome::DataLost,
         (false, true) => Outcome::No,
@@ -131,6 +136,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     tell!("{}: {}", summary.file.shown(), summary.ended.shown());
     if !json {
         say_text!(table(&summary));
+        if let Some(Watched { clients, dropped }) = watched {
+            say!("live: {clients} watched; {dropped} samples did not reach one that was too slow");
+        }
     }
     drop(words);
     let runs = if args.calibrate { calibrated(&summary, json)? } else { Vec::new() };
@@ -138,11 +146,14 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let _words = LastWords::before(outcome(failed).code(), &STOP);
     if json {
         let documents: Vec<RunDocument> = runs.iter().map(RunDocument::from).collect();
-        let head = match &documents[..] {
+        let mut head = match &documents[..] {
             [] => serde_json::json!({}),
             [one] if summary.shots.is_empty() => serde_json::json!({ "calibration": one }),
             all => serde_json::json!({ "calibrations": all }),
         };
+        if let Some(watched) = watched {
+            head["live"] = serde_json::to_value(watched)?;
+        }
         say_document(document(head, &summary)?)?;
     }
     Ok(outcome(failed))
@@ -174,23 +185,51 @@ fn calibrated(summary: &Summary, json: bool) -> Result<Vec<Run>, AnyError> {
     Ok(runs)
 }
 
+/// What is recorded, and how it was watched, where it could be.
 fn record(
     args: &Args,
     rig: Option<&Rig>,
     options: &Options,
     report: &mut dyn FnMut(Snapshot),
-) -> Result<Summary, AnyError> {
+) -> Result<(Summary, Option<Watched>), AnyError> {
     if let Some(path) = &args.replay {
         let recording = replay::load(path, rig, &args.without)?;
         let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
-        let options = args.triggers.applied(options, &recording.rig)?;
-        return Ok(replay::replay(&recording, &name, args.speed, &options, &STOP, report)?);
+        return watched(args, options, &recording.rig, |options| {
+            Ok(replay::replay(&recording, &name, args.speed, options, &STOP, report)?)
+        });
     }
     let rig = rig.ok_or("--rig is missing: it describes what is recorded")?;
-    let options = &args.triggers.applied(options, rig)?;
-    if args.simulate {
-        return record_simulated(rig, args, options, report);
-    }
+    watched(args, options, rig, |options| {
+        if args.simulate {
+            record_simulated(rig, args, options, report)
+        } else {
+            record_live(rig, args, options, report)
+        }
+    })
+}
+
+/// Records with triggers and watchers, where they are asked for.
+fn watched(
+    args: &Args,
+    options: &Options,
+    rig: &Rig,
+    record: impl FnOnce(&Options) -> Result<Summary, AnyError>,
+) -> Result<(Summary, Option<Watched>), AnyError> {
+    let options = args.triggers.applied(options, rig)?;
+    let (options, shown) = args.live.start(&options, rig)?;
+    let summary = record(&options);
+    drop(options);
+    let watched = shown.finish();
+    Ok((summary?, watched))
+}
+
+fn record_live(
+    rig: &Rig,
+    args: &Args,
+    options: &Options,
+    report: &mut dyn FnMut(Snapshot),
+) -> Result<Summary, AnyError> {
     let devices = live_devices(rig, &args.port)?;
     coarse_counts(rig).iter().for_each(|f| tell_warning!("{}: {}", f.subject, f.message));
     let sources = Sources::open(rig, &devices, args.wait > 0.0)?;

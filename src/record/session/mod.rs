@@ -1,5 +1,6 @@
 //! One live test: from what devices send to finished files.
 
+pub mod feed;
 pub mod live_test;
 pub(crate) mod options;
 pub mod output;

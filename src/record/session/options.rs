@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use crate::record::error::RecordError;
+use crate::record::session::feed::Feed;
 use crate::record::session::output::{check_folder, check_path};
 use crate::record::session::shots::Plan;
 
@@ -27,6 +28,8 @@ pub struct Options {
     pub notes: Vec<(String, String)>,
     /// Record shots around what a trigger sees, each in a file of its own, instead of everything in `file`.
     pub shots: Option<Plan>,
+    /// Where what is recorded is handed on.
+    pub feed: Option<Feed>,
 }
 
 impl Options {
@@ -40,6 +43,7 @@ impl Options {
             real_time: true,
             notes: Vec::new(),
             shots: None,
+            feed: None,
         }
     }
 

@@ -3,6 +3,7 @@
 use crate::record::error::RecordError;
 use crate::record::health::monitor::{Expected, Monitor};
 use crate::record::health::snapshot::Snapshot;
+use crate::record::session::feed::Tap;
 use crate::record::session::options::Options;
 use crate::record::session::output::{DeviceCount, Output, Summary};
 use crate::record::session::shots::Shots;
@@ -15,6 +16,8 @@ pub struct Recorder {
     to: Destination,
     /// How the sensors do.
     pub monitor: Monitor,
+    /// Who watches.
+    tap: Option<Tap>,
 }
 
 enum Destination {
@@ -32,33 +35,46 @@ impl Recorder {
             None => Destination::Whole(Box::new(Output::create(&options.file, rig, run)?)),
             Some(plan) => Destination::Shots(Box::new(Shots::new(plan.clone(), rig, run, expected, options.silence))),
         };
-        Ok(Recorder { to, monitor: Monitor::new(rig, expected) })
+        let tap = options.feed.as_ref().map(|feed| Tap::new(feed, rig, run.start_unix_ns));
+        Ok(Recorder { to, monitor: Monitor::new(rig, expected), tap })
     }
 
     /// As [`Output::samples`].
     pub fn samples(&mut self, sensor: usize, first_ns: i64, period_ns: f64, values: &[f64]) -> Result<(), RecordError> {
         self.monitor.samples(sensor, first_ns, period_ns, values);
         match &mut self.to {
-            Destination::Whole(output) => output.samples(sensor, first_ns, period_ns, values),
-            Destination::Shots(shots) => shots.samples(sensor, first_ns, period_ns, values),
+            Destination::Whole(output) => output.samples(sensor, first_ns, period_ns, values)?,
+            Destination::Shots(shots) => shots.samples(sensor, first_ns, period_ns, values)?,
         }
+        if let Some(tap) = &mut self.tap {
+            tap.samples(sensor, first_ns, period_ns, values);
+        }
+        Ok(())
     }
 
     /// As [`Output::gap`].
     pub fn gap(&mut self, sensor: usize, gap: Gap) -> Result<(), RecordError> {
         self.monitor.gap(sensor);
         match &mut self.to {
-            Destination::Whole(output) => output.gap(sensor, gap),
-            Destination::Shots(shots) => shots.gap(sensor, gap),
+            Destination::Whole(output) => output.gap(sensor, gap)?,
+            Destination::Shots(shots) => shots.gap(sensor, gap)?,
         }
+        if let Some(tap) = &mut self.tap {
+            tap.gap(sensor, gap);
+        }
+        Ok(())
     }
 
     /// Takes a gap at the end of a sensor, of whose device nothing came any more; a shot looks for itself what it lacks.
     pub fn never_came(&mut self, sensor: usize, gap: Gap) -> Result<(), RecordError> {
         match &mut self.to {
-            Destination::Whole(output) => output.gap(sensor, gap),
-            Destination::Shots(_) => Ok(()),
+            Destination::Whole(output) => output.gap(sensor, gap)?,
+            Destination::Shots(_) => return Ok(()),
         }
+        if let Some(tap) = &mut self.tap {
+            tap.gap(sensor, gap);
+        }
+        Ok(())
     }
 
     /// Of a sensor, only what lies before a time on the recording's clock is kept, ns; a shot has an end of its own.
@@ -84,6 +100,9 @@ impl Recorder {
     /// To be called often: begins and ends shots, flushes, and judges the sensors, when it is time.
     pub fn tick(&mut self) -> Result<(), RecordError> {
         self.monitor.tick();
+        if let Some(tap) = &mut self.tap {
+            tap.tick();
+        }
         match &mut self.to {
             Destination::Whole(output) => output.tick(),
             Destination::Shots(shots) => shots.tick(&self.monitor),

@@ -5,7 +5,7 @@
 //! read and other sites do not send; programs send it as a bearer.
 
 use std::io;
-use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
+use std::net::SocketAddr;
 use std::sync::Arc;
 
 use axum::body::Body;
@@ -14,10 +14,10 @@ use axum::http::header::{
     AUTHORIZATION, CACHE_CONTROL, CONTENT_LENGTH, CONTENT_SECURITY_POLICY, CONTENT_TYPE, COOKIE, HOST, LOCATION,
     ORIGIN, REFERRER_POLICY, SET_COOKIE, X_CONTENT_TYPE_OPTIONS, X_FRAME_OPTIONS,
 };
-use axum::http::uri::Authority;
 use axum::http::{HeaderMap, HeaderValue, Method, Response, StatusCode, header::HeaderName};
 use axum::middleware::Next;
 
+use crate::own_host::is_own_host;
 use crate::web::server::answers::refusal;
 use crate::web::server::bodies::{most_bytes, too_long};
 use crate::web::server::listener::Admitted;
@@ -47,19 +47,8 @@ impl Guard {
         Ok(Guard { address, token: bytes.iter().map(|b| format!("{b:02x}")).collect() })
     }
 
-    /// Whether a Host header names this server: by the address it listens on, or as this machine.
     fn is_own_host(&self, host: &str) -> bool {
-        let Ok(said) = host.parse::<Authority>() else { return false };
-        // browsers leave the usual port out
-        if host.contains('@') || said.port_u16().unwrap_or(80) != self.address.port() {
-            return false;
-        }
-        let own = self.address.ip();
-        match said.host().trim_start_matches('[').trim_end_matches(']').parse::<IpAddr>() {
-            // listening on all addresses, any address is the server's own, but no name is
-            Ok(ip) => ip == own || ip == Ipv4Addr::LOCALHOST || ip == Ipv6Addr::LOCALHOST || own.is_unspecified(),
-            Err(_) => said.host().eq_ignore_ascii_case("localhost"),
-        }
+        is_own_host(host, self.address)
     }
 
     fn is_own_origin(&self, origin: &str) -> bool {

@@ -1,0 +1,153 @@
+//! `record --live`: the recording goes out over a WebSocket while it is made.
+
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+
+use crate::cli::console::outcome::AnyError;
+use crate::record::session::feed::Watched;
+use crate::record::session::live_test::Options;
+use crate::rig::Rig;
+
+/// The port that Foxglove proposes.
+const PORT: u16 = 8765;
+
+/// Options of a recording that can be watched.
+#[derive(Debug, clap::Args)]
+pub struct Live {
+    /// Show in Foxglove or Lichtblick what is recorded, while it is: open a connection of the kind Foxglove WebSocket there. ADDR is an address, a
+    /// port or both [default: 127.0.0.1:8765]. The network can reach any address that does not begin with 127, and everyone there can watch.
+    #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = "127.0.0.1:8765", value_parser = address)]
+    live: Option<SocketAddr>,
+    /// Let pages of this origin watch, too, such as https://lichtblick.example; may be repeated. Known are Foxglove's page, the desktop applications
+    /// and pages of this computer.
+    #[arg(long, value_name = "ORIGIN", requires = "live", value_parser = origin)]
+    live_origin: Vec<String>,
+}
+
+/// `ADDRESS`, `PORT` or `ADDRESS:PORT`.
+fn address(text: &str) -> Result<SocketAddr, String> {
+    let here = IpAddr::V4(Ipv4Addr::LOCALHOST);
+    let named = text.strip_prefix("localhost").map(|rest| format!("{here}{rest}"));
+    let text = named.as_deref().unwrap_or(text);
+    let (port, ip) = (|| text.trim_start_matches(':').parse::<u16>(), || text.parse::<IpAddr>());
+    let known = text.parse().ok().or_else(|| Some(SocketAddr::new(here, port().ok()?)));
+    known
+        .or_else(|| Some(SocketAddr::new(ip().ok()?, PORT)))
+        .ok_or_else(|| format!("write it as an address, a port or both, such as 127.0.0.1:{PORT}"))
+}
+
+/// As browsers write it: a scheme and a host, nothing behind.
+fn origin(text: &str) -> Result<String, String> {
+    let text = text.trim_end_matches('/');
+    match text.split_once("://") {
+        Some((scheme, host)) if !scheme.is_empty() && !host.is_empty() && !host.contains('/') => Ok(text.to_owned()),
+        _ => Err("write it as https://HOST or http://HOST:PORT".to_owned()),
+    }
+}
+
+impl Live {
+    /// Refuses early what this build cannot do.
+    ///
+    /// # Errors
+    /// `--live` in a build without it.
+    pub(crate) fn check(&self) -> Result<(), AnyError> {
+        if self.live.is_some() && cfg!(not(feature = "live")) {
+            return Err("this build has no --live: build it with `cargo install --path . --features live`, or take a package of a release, which has it".into());
+        }
+        Ok(())
+    }
+}
+
+/// The server of a recording, where one was asked for.
+#[cfg(feature = "live")]
+pub(crate) struct Shown(Option<crate::live::Server>);
+/// None in this build.
+#[cfg(not(feature = "live"))]
+pub(crate) struct Shown;
+
+#[cfg(feature = "live")]
+impl Live {
+    /// Starts the server that was asked for; the options feed it.
+    ///
+    /// # Errors
+    /// An address that cannot be used.
+    pub(crate) fn start(&self, options: &Options, rig: &Rig) -> Result<(Options, Shown), AnyError> {
+        use crate::cli::console::last_words::tell_first;
+        use crate::cli::console::print::tell_warning;
+        use crate::record::session::feed::Feed;
+
+        let Some(asked) = self.live else { return Ok((options.clone(), Shown(None))) };
+        let feed = Feed::new();
+        let refused = |origin: &str| {
+            tell_warning!("live: a page of {origin} was refused; if it is yours, add --live-origin {origin}");
+        };
+        let server = crate::live::Server::start(asked, rig, feed.place(), self.live_origin.clone(), refused);
+        let server = server.map_err(|error| {
+            let (ip, port) = (asked.ip(), asked.port());
+            format!(
+                "cannot listen on {ip} port {port}: {error}; choose another port with --live {}",
+                SocketAddr::new(ip, 0)
+            )
+        })?;
+        let address = server.address();
+        if !address.ip().is_loopback() {
+            tell_warning!("live: everyone on the network can watch this recording; the connection is not encrypted");
+        }
+        tell_first(vec![format!(
+            "live at ws://{address}: in Foxglove or Lichtblick, open a connection of the kind Foxglove WebSocket to it"
+        )]);
+        Ok((Options { feed: Some(feed), ..options.clone() }, Shown(Some(server))))
+    }
+}
+
+#[cfg(feature = "live")]
+impl Shown {
+    /// To be called when the recording is over, and its options are gone.
+    pub(crate) fn finish(self) -> Option<Watched> {
+        self.0.map(crate::live::Server::finish)
+    }
+}
+
+#[cfg(not(feature = "live"))]
+impl Live {
+    /// Nothing to start: [`check`](Live::check) has refused.
+    pub(crate) fn start(&self, options: &Options, _: &Rig) -> Result<(Options, Shown), AnyError> {
+        self.check().map(|()| (options.clone(), Shown))
+    }
+}
+
+#[cfg(not(feature = "live"))]
+impl Shown {
+    /// Nobody could watch.
+    pub(crate) fn finish(self) -> Option<Watched> {
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn addresses_are_read_and_slips_are_explained() {
+        let read = |text| address(text).unwrap().to_string();
+        assert_eq!(
+            (read("9000"), read(":9000"), read("localhost:9000")),
+            ("127.0.0.1:9000".into(), "127.0.0.1:9000".into(), "127.0.0.1:9000".into())
+        );
+        assert_eq!((read("localhost"), read("0.0.0.0")), ("127.0.0.1:8765".into(), "0.0.0.0:8765".into()));
+        assert_eq!((read("[::1]:9"), read("::1")), ("[::1]:9".into(), "[::1]:8765".into()));
+        for bad in ["", "rig.local", "70000", "1.2.3:4", "localhosts"] {
+            assert!(address(bad).unwrap_err().contains("such as 127.0.0.1:8765"), "{bad}");
+        }
+    }
+
+    #[test]
+    fn an_origin_has_a_scheme_and_no_path() {
+        assert_eq!(origin("https://lab.example/"), Ok("https://lab.example".to_owned()));
+        assert!(
+            origin("lab.example").is_err()
+                && origin("https://lab.example/page").is_err()
+                && origin("https://").is_err()
+        );
+    }
+}
