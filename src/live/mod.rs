@@ -18,6 +18,7 @@ use tokio::sync::watch;
 use crate::live::door::Door;
 use crate::live::protocol::Catalogue;
 use crate::record::session::feed::{Place, Watched};
+use crate::recording::CsvFormat;
 use crate::rig::Rig;
 
 pub use crate::live::door::USUAL_ORIGINS;
@@ -30,14 +31,14 @@ pub struct Server {
 }
 
 impl Server {
-    /// Serves what is recorded of `rig` at `place`. Pages of `origins` may watch beside [`USUAL_ORIGINS`] and those of this machine; `tell` hears
+    /// Serves what is recorded of a rig at `place`; `csv` is how the time series was written, where it was imported. Pages of `origins` may watch beside [`USUAL_ORIGINS`] and those of this machine; `tell` hears
     /// once of each other origin that was refused.
     ///
     /// # Errors
     /// An address that is not this machine's, a port that is taken.
     pub fn start(
         address: SocketAddr,
-        rig: &Rig,
+        (rig, csv): (&Rig, Option<&CsvFormat>),
         place: Place,
         origins: Vec<String>,
         tell: impl Fn(&str) + Send + Sync + 'static,
@@ -48,7 +49,7 @@ impl Server {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
         let (ending, ended) = watch::channel(false);
         let door = Door::new(address, origins, Box::new(tell));
-        let catalogue = Arc::new(Catalogue::of(rig));
+        let catalogue = Arc::new(Catalogue::of(rig, csv));
         let serve = move || {
             runtime.block_on(async {
                 match tokio::net::TcpListener::from_std(listener) {

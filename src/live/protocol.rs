@@ -9,6 +9,7 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use crate::record::session::feed::{Channel, Event};
+use crate::recording::CsvFormat;
 use crate::rig::Rig;
 use crate::storage::layout::{offset_ns, to_ns};
 use crate::storage::schema::{self, Block, Kind, Sample};
@@ -67,8 +68,8 @@ pub(crate) struct Catalogue {
 }
 
 impl Catalogue {
-    /// Of a rig: the channels that its recording has, or may come to have.
-    pub(crate) fn of(rig: &Rig) -> Catalogue {
+    /// Of a rig: the channels that its recording has, or may come to have; `csv` is as the recording keeps it.
+    pub(crate) fn of(rig: &Rig, csv: Option<&CsvFormat>) -> Catalogue {
         let started = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         let info = json!({
             "op": "serverInfo",
@@ -80,7 +81,7 @@ impl Catalogue {
         let schema = STANDARD.encode(schema::descriptor_set());
         let channel = |index| {
             let Channel { sensor, kind } = Channel::at(index);
-            let sensor = &rig.sensors[sensor];
+            let (place, sensor) = (sensor, &rig.sensors[sensor]);
             json!({
                 "id": index,
                 "topic": kind.topic(&sensor.name),
@@ -88,7 +89,7 @@ impl Catalogue {
                 "schemaName": kind.schema_name(),
                 "schemaEncoding": "protobuf",
                 "schema": schema,
-                "metadata": metadata_of(sensor),
+                "metadata": metadata_of(place, sensor, csv),
             })
         };
         Catalogue { info: info.to_string(), channels: (0..rig.sensors.len() * Kind::ALL.len()).map(channel).collect() }

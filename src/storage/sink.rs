@@ -71,7 +71,16 @@ impl<W: Write + Seek> Sink<W> {
             mcap,
             path: path.into(),
             zero_ns,
-            sensors: rig.sensors.iter().enumerate().map(|(i, s)| channels(i, s, run.csv.as_ref())).collect(),
+            sensors: rig
+                .sensors
+                .iter()
+                .enumerate()
+                .map(|(i, sensor)| SensorChannels {
+                    name: sensor.name.clone(),
+                    metadata: metadata_of(i, sensor, run.csv.as_ref()),
+                    ids: [None; 3],
+                })
+                .collect(),
             descriptors: schema::descriptor_set(),
             schemas: [None; 3],
             buffer: Vec::new(),
@@ -230,18 +239,14 @@ impl<W: Write + Seek> Sink<Muted<W>> {
     }
 }
 
-/// What the channels of a sensor say of it.
-pub(crate) fn metadata_of(sensor: &Sensor) -> BTreeMap<String, String> {
-    BTreeMap::from([
+/// What the channels of a sensor say of it, an index in the rig; `csv` is how its time series was written, where it was imported.
+pub(crate) fn metadata_of(index: usize, sensor: &Sensor, csv: Option<&CsvFormat>) -> BTreeMap<String, String> {
+    let mut metadata = BTreeMap::from([
         (key::SENSOR.to_string(), sensor.name.clone()),
         (key::KIND.to_string(), sensor.kind.name().to_string()),
         (key::UNIT.to_string(), sensor.unit.to_string()),
         (key::POSITION.to_string(), sensor.position_m.to_string()),
-    ])
-}
-
-fn channels(index: usize, sensor: &Sensor, csv: Option<&CsvFormat>) -> SensorChannels {
-    let mut metadata = metadata_of(sensor);
+    ]);
     let column = csv.and_then(|c| c.columns.iter().enumerate().find(|(_, (sensor, _))| *sensor == index));
     if let Some((place, (_, decimals))) = column {
         metadata.insert(key::COLUMN.into(), place.to_string());
@@ -249,7 +254,7 @@ fn channels(index: usize, sensor: &Sensor, csv: Option<&CsvFormat>) -> SensorCha
             metadata.insert(key::DECIMALS.into(), decimals.to_string());
         }
     }
-    SensorChannels { name: sensor.name.clone(), metadata, ids: [None; 3] }
+    metadata
 }
 
 fn run_metadata(run: &RunInfo, zero_ns: u64) -> BTreeMap<String, String> {

@@ -42,5 +42,6 @@ mod told;
 mod trust;
 mod valve;
 mod watch;
+mod watched;
 mod with_model;
 mod workbench;

@@ -5,6 +5,7 @@ use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use crate::cli::console::outcome::AnyError;
 use crate::record::session::feed::Watched;
 use crate::record::session::live_test::Options;
+use crate::recording::CsvFormat;
 use crate::rig::Rig;
 
 /// The port that Foxglove proposes.
@@ -70,17 +71,25 @@ impl Live {
     ///
     /// # Errors
     /// An address that cannot be used.
-    pub(crate) fn start(&self, options: &Options, rig: &Rig) -> Result<(Options, Shown), AnyError> {
+    pub(crate) fn start(
+        &self,
+        options: &Options,
+        rig: &Rig,
+        csv: Option<&CsvFormat>,
+    ) -> Result<(Options, Shown), AnyError> {
         use crate::cli::console::last_words::tell_first;
         use crate::cli::console::print::tell_warning;
         use crate::record::session::feed::Feed;
 
         let Some(asked) = self.live else { return Ok((options.clone(), Shown(None))) };
         let feed = Feed::new();
-        let refused = |origin: &str| {
-            tell_warning!("live: a page of {origin} was refused; if it is yours, add --live-origin {origin}");
+        let refused = |said: &str| match origin(said) {
+            Ok(named) => {
+                tell_warning!("live: a page of {named} was refused; if it is yours, add --live-origin {named}")
+            }
+            Err(_) => tell_warning!("live: a page that does not say its origin ('{said}') was refused"),
         };
-        let server = crate::live::Server::start(asked, rig, feed.place(), self.live_origin.clone(), refused);
+        let server = crate::live::Server::start(asked, (rig, csv), feed.place(), self.live_origin.clone(), refused);
         let server = server.map_err(|error| {
             let (ip, port) = (asked.ip(), asked.port());
             format!(
@@ -110,7 +119,12 @@ impl Shown {
 #[cfg(not(feature = "live"))]
 impl Live {
     /// Nothing to start: [`check`](Live::check) has refused.
-    pub(crate) fn start(&self, options: &Options, _: &Rig) -> Result<(Options, Shown), AnyError> {
+    pub(crate) fn start(
+        &self,
+        options: &Options,
+        _: &Rig,
+        _: Option<&CsvFormat>,
+    ) -> Result<(Options, Shown), AnyError> {
         self.check().map(|()| (options.clone(), Shown))
     }
 }

@@ -25,6 +25,7 @@ use crate::record::session::live_test as session;
 use crate::record::session::live_test::{Options, SILENCE_S, live_devices};
 use crate::record::session::output::{Summary, check_path};
 use crate::record::session::replay;
+use crate::recording::CsvFormat;
 use crate::report::history::text::RunDocument;
 use crate::results::history::{Run, State};
 use crate::rig::Rig;
@@ -195,12 +196,12 @@ fn record(
     if let Some(path) = &args.replay {
         let recording = replay::load(path, rig, &args.without)?;
         let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
-        return watched(args, options, &recording.rig, |options| {
+        return watched(args, options, (&recording.rig, recording.run.csv.as_ref()), |options| {
             Ok(replay::replay(&recording, &name, args.speed, options, &STOP, report)?)
         });
     }
     let rig = rig.ok_or("--rig is missing: it describes what is recorded")?;
-    watched(args, options, rig, |options| {
+    watched(args, options, (rig, None), |options| {
         if args.simulate {
             record_simulated(rig, args, options, report)
         } else {
@@ -213,11 +214,11 @@ fn record(
 fn watched(
     args: &Args,
     options: &Options,
-    rig: &Rig,
+    (rig, csv): (&Rig, Option<&CsvFormat>),
     record: impl FnOnce(&Options) -> Result<Summary, AnyError>,
 ) -> Result<(Summary, Option<Watched>), AnyError> {
     let options = args.triggers.applied(options, rig)?;
-    let (options, shown) = args.live.start(&options, rig)?;
+    let (options, shown) = args.live.start(&options, rig, csv)?;
     let summary = record(&options);
     drop(options);
     let watched = shown.finish();
