@@ -29,6 +29,8 @@ from mcap.records import Channel, Message, Schema
 from mcap.stream_reader import StreamReader
 
 SUBPROTOCOL = "foxglove.sdk.v1"
+# The server's last frame: it goes away, and says why.
+FAREWELL = b"\x88\x17\x03\xe9the recording is over"
 
 
 class Mismatch(Exception):
@@ -116,7 +118,7 @@ class Taker(threading.Thread):
                             names[channel["id"]] = channel
                             wanted = {"id": 1000 + channel["id"], "channelId": channel["id"]}
                             self.line.sendall(masked(1, json.dumps({"op": "subscribe", "subscriptions": [wanted]}).encode()))
-            if len(more) < 64 and any(opcode == 8 for opcode, _ in frames(more)):
+            if self.got.endswith(FAREWELL):
                 self.closed = True
                 self.line.sendall(masked(8, struct.pack(">H", 1000)))
 

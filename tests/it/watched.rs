@@ -25,6 +25,9 @@ struct Client {
     came: Vec<u8>,
 }
 
+/// By topic: log time and data of each.
+type Messages = BTreeMap<String, Vec<(u64, Vec<u8>)>>;
+
 const TEXT: u8 = 1;
 const BINARY: u8 = 2;
 const CLOSE: u8 = 8;
@@ -108,8 +111,8 @@ impl Client {
     }
 
     /// Subscribes to every channel that comes; all messages up to the farewell by topic, log time and data, and the channels.
-    fn take_all(mut self) -> (BTreeMap<String, Vec<(u64, Vec<u8>)>>, Vec<Value>) {
-        let (mut messages, mut channels) = (BTreeMap::<String, Vec<_>>::new(), Vec::<Value>::new());
+    fn take_all(mut self) -> (Messages, Vec<Value>) {
+        let (mut messages, mut channels) = (Messages::new(), Vec::<Value>::new());
         loop {
             let (opcode, payload) = self.next();
             match opcode {
@@ -169,7 +172,7 @@ fn a_client_gets_the_messages_of_the_file_byte_by_byte() {
     assert_eq!(summary["live"], json!({ "clients": 1, "dropped": 0 }));
 
     let bytes = std::fs::read(&file).unwrap();
-    let mut filed = BTreeMap::<String, Vec<(u64, Vec<u8>)>>::new();
+    let mut filed = Messages::new();
     let mut known = BTreeMap::new();
     for message in mcap::MessageStream::new(&bytes).unwrap() {
         let message = message.unwrap();
