@@ -29,10 +29,11 @@ fn address(text: &str) -> Result<SocketAddr, String> {
     let here = IpAddr::V4(Ipv4Addr::LOCALHOST);
     let named = text.strip_prefix("localhost").map(|rest| format!("{here}{rest}"));
     let text = named.as_deref().unwrap_or(text);
-    let (port, ip) = (|| text.trim_start_matches(':').parse::<u16>(), || text.parse::<IpAddr>());
-    let known = text.parse().ok().or_else(|| Some(SocketAddr::new(here, port().ok()?)));
-    known
-        .or_else(|| Some(SocketAddr::new(ip().ok()?, PORT)))
+    let port = || text.strip_prefix(':').unwrap_or(text).parse().ok();
+    let ip = || text.parse::<IpAddr>().ok();
+    (text.parse().ok())
+        .or_else(|| Some(SocketAddr::new(here, port()?)))
+        .or_else(|| Some(SocketAddr::new(ip()?, PORT)))
         .ok_or_else(|| format!("write it as an address, a port or both, such as 127.0.0.1:{PORT}"))
 }
 
