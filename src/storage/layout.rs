@@ -55,6 +55,11 @@ pub(crate) fn check_sum(entries: &BTreeMap<String, String>) -> String {
     format!("{crc:08x}")
 }
 
+/// Log time of recording time 0 while a test runs: its start, or, where that is not known, a day after 1970 began: room for times before 0.
+pub(crate) fn live_zero_ns(start_unix_ns: u64) -> u64 {
+    if start_unix_ns > 0 { start_unix_ns } else { 86_400_000_000_000 }
+}
+
 /// Recording time in whole nanoseconds, if it fits; the nearest where it lies between two.
 pub(crate) fn to_ns(time_s: f64) -> Option<i64> {
     let ns = (time_s * 1e9).round();

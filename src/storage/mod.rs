@@ -34,7 +34,7 @@ pub use crate::storage::error::{CsvProblem, LogError};
 pub use crate::storage::export::{export_csv, export_csv_file};
 pub use crate::storage::import::file::{import_csv, import_csv_with};
 pub use crate::storage::import::source::ImportOptions;
-pub use crate::storage::read::{check_recording, decode, has_end, read};
+pub use crate::storage::read::{check_recording, decode, file_has_end, has_end, read};
 pub use crate::storage::recover::{Loss, Recovery, recover, salvaged};
 pub use crate::storage::retime::{ClockFix, Retimer, SensorClock};
 pub use crate::storage::summary::{SensorSummary, Summary};

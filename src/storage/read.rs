@@ -28,12 +28,6 @@ pub fn read(path: &Path) -> Result<Recording, LogError> {
         return decode(&disk::read_file(path)?, path);
     }
     let length = file.seek(SeekFrom::End(0)).map_err(io)?;
-    let piece = |file: &mut File, from: u64, bytes: u64| -> std::io::Result<Vec<u8>> {
-        file.seek(SeekFrom::Start(from))?;
-        let mut piece = Vec::new();
-        file.take(bytes).read_to_end(&mut piece)?;
-        Ok(piece)
-    };
     check_start(&piece(&mut file, 0, MAGIC.len() as u64).map_err(io)?, path)?;
     let from = length.saturating_sub(END_BYTES as u64);
     if !has_end(&piece(&mut file, from, END_BYTES as u64).map_err(io)?) {
@@ -279,11 +273,28 @@ pub fn check_start(bytes: &[u8], path: &Path) -> Result<(), LogError> {
 const FOOTER_BYTES: usize = 1 + 8 + 20;
 const END_BYTES: usize = FOOTER_BYTES + MAGIC.len();
 
+fn piece(file: &mut File, from: u64, bytes: u64) -> std::io::Result<Vec<u8>> {
+    file.seek(SeekFrom::Start(from))?;
+    let mut piece = Vec::new();
+    file.take(bytes).read_to_end(&mut piece)?;
+    Ok(piece)
+}
+
 /// True if the file ends with a footer and the closing magic bytes.
 pub fn has_end(bytes: &[u8]) -> bool {
     let Some(body) = bytes.strip_suffix(MAGIC) else { return false };
     let footer = body.len().checked_sub(FOOTER_BYTES).and_then(|at| body.get(at..));
     footer.is_some_and(|f| f.starts_with(&[op::FOOTER, 20, 0, 0, 0, 0, 0, 0, 0]))
+}
+
+/// The same of a file, of which only the end is read.
+///
+/// # Errors
+/// A file that cannot be read.
+pub fn file_has_end(path: &Path) -> std::io::Result<bool> {
+    let mut file = File::open(path)?;
+    let from = file.metadata()?.len().saturating_sub(END_BYTES as u64);
+    Ok(has_end(&piece(&mut file, from, END_BYTES as u64)?))
 }
 
 /// An error of the MCAP library for a user: the cause where the message only says that there is one.

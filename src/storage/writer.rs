@@ -12,7 +12,7 @@ use crate::storage::compress::{LeftOut, Moves, compress};
 use crate::storage::disk;
 use crate::storage::end::end_in_place;
 use crate::storage::error::LogError;
-use crate::storage::layout::{kind_of, offset_ns, to_ns, to_s};
+use crate::storage::layout::{kind_of, live_zero_ns, offset_ns, to_ns, to_s};
 use crate::storage::retime::{ClockFix, Retimer};
 use crate::storage::schema::{Block, Kind};
 use crate::storage::sink;
@@ -69,7 +69,7 @@ impl Writer {
         let file = OpenOptions::new().read(true).write(true).create_new(true).open(path).map_err(io)?;
         let stream = BufWriter::with_capacity(4 * LIVE_CHUNK_BYTES as usize, file.try_clone().map_err(io)?);
         let stream = Muted::new(stream);
-        let begun = Sink::start(stream, sink::live(), path, rig, run, run.start_unix_ns);
+        let begun = Sink::start(stream, sink::live(), path, rig, run, live_zero_ns(run.start_unix_ns));
         let begun = begun.and_then(|mut sink| sink.flush().map(|()| sink));
         // of a file that a full disk did not let begin nothing stays
         let sink = begun.inspect_err(|_| drop(std::fs::remove_file(path)))?;
@@ -85,7 +85,7 @@ impl Writer {
             waiting_bytes: 0,
             flushed: Instant::now(),
             chunks: 0,
-            zero_ns: run.start_unix_ns,
+            zero_ns: live_zero_ns(run.start_unix_ns),
             retimer: Retimer::default(),
             windows: HashMap::new(),
             failed: None,

@@ -27,6 +27,7 @@ mod record_bus;
 mod record_devices;
 mod record_live;
 mod recordings;
+mod recover_folder;
 mod replay;
 mod report_page;
 mod rig_files;

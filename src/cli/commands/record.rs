@@ -18,6 +18,7 @@ use crate::cli::console::progress::progress_bar;
 use crate::cli::console::recorded::table;
 use crate::cli::console::stop::{STOP, stop_on_signals};
 use crate::model::effects::{Chosen, parse_list};
+use crate::record::clock::host_clock::HostClock;
 use crate::record::devices::source::Sources;
 use crate::record::health::snapshot::Snapshot;
 use crate::record::session::feed::Watched;
@@ -231,6 +232,11 @@ fn record_live(
     options: &Options,
     report: &mut dyn FnMut(Snapshot),
 ) -> Result<Summary, AnyError> {
+    if !HostClock::start().is_set() {
+        tell_warning!(
+            "this computer's clock is not set: the recording keeps no date. Set the clock (`timedatectl set-time`), and begin again"
+        );
+    }
     let devices = live_devices(rig, &args.port)?;
     coarse_counts(rig).iter().for_each(|f| tell_warning!("{}: {}", f.subject, f.message));
     let sources = Sources::open(rig, &devices, args.wait > 0.0)?;

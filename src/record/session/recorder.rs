@@ -10,6 +10,7 @@ use crate::record::session::shots::Shots;
 use crate::recording::{Gap, RunInfo};
 use crate::rig::Rig;
 use crate::storage::ClockFix;
+use crate::storage::layout::live_zero_ns;
 
 /// See the module.
 pub struct Recorder {
@@ -35,7 +36,7 @@ impl Recorder {
             None => Destination::Whole(Box::new(Output::create(&options.file, rig, run)?)),
             Some(plan) => Destination::Shots(Box::new(Shots::new(plan.clone(), rig, run, expected, options.silence))),
         };
-        let tap = options.feed.as_ref().map(|feed| Tap::new(feed, rig, run.start_unix_ns));
+        let tap = options.feed.as_ref().map(|feed| Tap::new(feed, rig, live_zero_ns(run.start_unix_ns)));
         Ok(Recorder { to, monitor: Monitor::new(rig, expected), tap })
     }
 

@@ -269,7 +269,10 @@ impl Shots {
 
     /// The file of a shot; its folder is made anew where it is gone.
     fn create(&self, from_ns: i64, number: usize) -> Result<Output, RecordError> {
-        let start_unix_ns = self.run.start_unix_ns.saturating_add_signed(from_ns);
+        let start_unix_ns = match self.run.start_unix_ns {
+            0 => 0,
+            start => start.saturating_add_signed(from_ns),
+        };
         let run = RunInfo { start_unix_ns, ..self.run.clone() };
         let stem = stem(&self.rig.name, start_unix_ns, number);
         // what cannot be made shows in the file's error
