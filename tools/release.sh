@@ -3,7 +3,8 @@
 #
 #     tools/release.sh [FOLDER]
 #
-# makes surgescope-VERSION-TARGET.tar.gz and SHA256SUMS in FOLDER (`dist` unless it is named). Needs Python 3 and GNU tar.
+# makes surgescope-VERSION-TARGET.tar.gz, surgescope.deb where cargo-deb is installed, and SHA256SUMS in FOLDER (`dist` unless it is named). Needs
+# Python 3 and GNU tar.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 out=${1:-dist}
@@ -35,7 +36,14 @@ cp -r "$program" target/man target/completions README.md CHANGELOG.md CITATION.c
 mkdir -p "$out"
 tar --directory "$work" --create --sort=name --owner=0 --group=0 --numeric-owner --mtime="@$(git log -1 --format=%ct)" "$name" |
   gzip --no-name --best >"$out/$name.tar.gz"
-(cd "$out" && sha256sum "$name.tar.gz" >SHA256SUMS)
+packed=("$name.tar.gz")
+
+# With the units of a rig computer. `cargo install cargo-deb` gets what makes it.
+if cargo deb --version >/dev/null 2>&1; then
+  cargo deb --quiet --locked --profile dist --no-build --output "$out/surgescope.deb"
+  packed+=(surgescope.deb)
+fi
+(cd "$out" && sha256sum "${packed[@]}" >SHA256SUMS)
 
 # What was packed runs.
 tar --directory "$work" --extract --file "$out/$name.tar.gz" --one-top-level=check
