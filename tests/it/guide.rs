@@ -36,6 +36,7 @@ pages! {
     temperatures "docs/src/temperatures.md"
     sensitivity "docs/src/sensitivity.md"
     automation "docs/src/automation.md"
+    rig_computer "docs/src/rig-computer.md"
     formats "docs/src/formats.md"
     installing "docs/src/installing.md"
     protocols "docs/src/protocols.md"
