@@ -87,7 +87,7 @@ const EXAMPLES: &[(&str, [&str; 2])] = &[
             "--replay recordings/hdpe-creep.mcap --speed 0 --note ambient=12degC -o again.mcap",
         ],
     ),
-    ("recover", ["recordings/hdpe-creep.mcap -o whole.mcap", "recordings/copper-leak.mcap -o whole-2.mcap --json"]),
+    ("recover", ["recordings/hdpe-creep.mcap -o whole.mcap", "recordings"]),
     ("refit", ["model.toml", "model.toml --json"]),
     ("replay", ["recordings/hdpe-creep.mcap", "recordings/adelaide --verbose"]),
     ("results", ["fit.toml -o results.csv", "fit.toml --long -o values.csv"]),
