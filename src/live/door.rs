@@ -67,8 +67,9 @@ impl Door {
     fn refusal(&self, headers: &HeaderMap) -> Option<Response> {
         let host = headers.get(HOST).and_then(|host| host.to_str().ok());
         if !host.is_some_and(|host| is_own_host(host, self.address)) {
-            let own = format!("this address is not the recorder's own: connect to ws://{}\n", self.address);
-            return Some((StatusCode::FORBIDDEN, own).into_response());
+            let port = self.address.port();
+            let how = format!("call this computer by its address, not by a name: ws://ADDRESS:{port}\n");
+            return Some((StatusCode::FORBIDDEN, how).into_response());
         }
         let origin = headers.get(ORIGIN)?;
         let origin = origin.to_str().unwrap_or("of unreadable name");
@@ -164,9 +165,10 @@ async fn enter(
     if let Some(refusal) = hall.door.refusal(request.headers()) {
         return refusal;
     }
+    // it is the server's own by now
+    let host = request.headers().get(HOST).and_then(|host| host.to_str().ok()).unwrap_or_default();
     let how = format!(
-        "a recording can be watched here: in Foxglove or Lichtblick, open a connection of the kind Foxglove WebSocket to ws://{}\n",
-        hall.door.address
+        "a recording can be watched here: in Foxglove or Lichtblick, open a connection of the kind Foxglove WebSocket to ws://{host}\n"
     );
     let (Ok(socket), Ok(Extension(seat))) = (socket, seat) else {
         return (StatusCode::UPGRADE_REQUIRED, how).into_response();

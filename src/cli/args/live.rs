@@ -102,9 +102,13 @@ impl Live {
         if !address.ip().is_loopback() {
             tell_warning!("live: everyone on the network can watch this recording; the connection is not encrypted");
         }
-        tell_first(vec![format!(
+        let mut lines = vec![format!(
             "live at ws://{address}: in Foxglove or Lichtblick, open a connection of the kind Foxglove WebSocket to it"
-        )]);
+        )];
+        if address.ip().is_unspecified() {
+            lines.push(format!("from another computer, put this one's address in place of {}", address.ip()));
+        }
+        tell_first(lines);
         Ok((Options { feed: Some(feed), ..options.clone() }, Shown(Some(server))))
     }
 }
