@@ -130,9 +130,14 @@ fn two_files_of_one_closure_are_joined_as_the_command_joins_them() {
     done_in(folder.path(), &["import", "one.csv", "two.csv", "--rig", rig.to_str().unwrap(), "-o", "by-command.mcap"]);
     let read = |name: &str| surgescope::storage::read(&folder.path().join(name)).unwrap();
     assert_eq!(read("one.mcap").series, read("by-command.mcap").series);
-    // two runs are no parts of one
-    let twice = json!({ "name": "a.csv", "content": file(0)["content"], "further": [{ "name": "b.csv", "content": file(0)["content"] }] });
-    let problem = bench.post("/api/import", &twice, 200)["problem"].as_str().unwrap().to_owned();
+    // two runs are no parts of one; a copy is
+    let with = |other: String| json!({ "name": "a.csv", "content": file(0)["content"], "further": [{ "name": "b.csv", "content": base64(other.as_bytes()) }] });
+    assert!(bench.post("/api/import", &with(files[0].1.clone()), 200)["problem"].is_null());
+    let changed = |line: &str| {
+        line.split_once(',').map_or(line.to_owned(), |(time, rest)| format!("{time},{}", rest.replace(".1", ".2")))
+    };
+    let of_another_run = files[0].1.lines().map(|line| changed(line) + "\n").collect();
+    let problem = bench.post("/api/import", &with(of_another_run), 200)["problem"].as_str().unwrap().to_owned();
     assert!(problem.contains("at the same times") && problem.contains("import each alone"), "{problem}");
     assert!(!problem.contains("option `"), "{problem}");
     // a recording goes with no other file
