@@ -78,7 +78,7 @@ fn quantised(playback: &Playback, channel: usize, index: usize) -> f64 {
 fn record_playback(playback: &Playback, speed: f64, faults: Faults, options: &Options) -> (Summary, Sent) {
     let rig = rig();
     let mut simulated = SimulatedDevice::open().unwrap();
-    let device = Device { port: simulated.path().display().to_string(), ..device() };
+    let device = device().on_pseudoterminal(simulated.path().to_str().unwrap());
     let sources = Sources::open(&rig, std::slice::from_ref(&device), false).unwrap();
     let script = Script::new(playback, &rig, &device).unwrap();
     assert_eq!(script.clipped, 0);

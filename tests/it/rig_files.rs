@@ -1,6 +1,8 @@
 //! What users rely on in rig files: every key of the interface works, and every fault is named with its line.
 
-use surgescope::rig::{Constraint, Coupling, Encoding, Framing, Parity, Protocol, Rig, SensorKind, TimeUnit, Upstream};
+use surgescope::rig::{
+    Constraint, Coupling, Encoding, Framing, Parity, Port, Protocol, Rig, SensorKind, TimeUnit, Upstream,
+};
 
 use crate::common::{here, printed, refused, run, text};
 
@@ -161,13 +163,17 @@ fn every_key_arrives_in_si() {
     assert_eq!((v1.kind, v1.position_m), (SensorKind::ValvePosition, 271.0));
     assert_eq!((g1.kind, g1.position_m), (SensorKind::Trigger, 271.0));
 
-    assert_eq!((rig.devices[0].port.as_str(), rig.devices[0].baud), ("/dev/ttyUSB0", 921_600));
+    let serial = |index: usize| match &rig.devices[index].port {
+        Port::Serial(serial) => serial,
+        other => panic!("{other} is no serial port"),
+    };
+    assert_eq!((serial(0).path.as_str(), serial(0).baud), ("/dev/ttyUSB0", 921_600));
     assert_eq!(rig.devices[0].protocol, Protocol::Frames);
     assert_eq!(rig.devices[1].protocol, Protocol::ModbusRtu { unit_id: 7, poll_interval_s: 0.5, timeout_s: 0.3 });
     assert_eq!(rig.devices[2].protocol, Protocol::Lines { time_unit: TimeUnit::Microseconds });
-    assert_eq!(rig.devices[2].framing, Framing { data_bits: 7, parity: Parity::Even, stop_bits: 2 });
-    assert_eq!(rig.devices[2].speed(), "115200 baud 7E2");
-    assert!(rig.devices[..2].iter().all(|device| device.framing.to_string() == "8N1"));
+    assert_eq!(serial(2).framing, Framing { data_bits: 7, parity: Parity::Even, stop_bits: 2 });
+    assert_eq!(serial(2).speed(), "115200 baud 7E2");
+    assert!([0, 1].iter().all(|&index| serial(index).framing.to_string() == "8N1"));
 }
 
 /// What a user reads after one change to the full rig file, and the line of the change.

@@ -140,6 +140,14 @@ impl Decoder {
         self.hole |= self.steps.len() < ENOUGH_STEPS;
     }
 
+    /// Another stream begins, which we hear from its first byte on: its clock begins anew. How many values a line has stays.
+    pub fn begin_anew(&mut self) {
+        self.drop_stale();
+        self.counts.bad += (self.held.len() + usize::from(self.doubtful.is_some())) as u64;
+        *self = Decoder { unit: self.unit, width: self.width, counts: self.counts, ..Decoder::default() };
+        self.pieces.begin();
+    }
+
     /// How many lines are held back.
     pub fn held(&self) -> usize {
         self.held.len()

@@ -48,6 +48,11 @@ impl<const END: u8, const LONGEST: usize> Pieces<END, LONGEST> {
         within
     }
 
+    /// The next byte is the first of a stream that we hear from its beginning.
+    pub fn begin(&mut self) {
+        *self = Pieces { aligned: true, ..Pieces::default() };
+    }
+
     fn keep(&mut self, at_ns: i64, part: &[u8]) {
         if self.skipping {
             return;
@@ -67,6 +72,15 @@ impl<const END: u8, const LONGEST: usize> Pieces<END, LONGEST> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_first_piece_of_a_stream_heard_from_its_beginning_is_whole() {
+        let mut pieces = Pieces::<b'\n', 4>::default();
+        pieces.begin();
+        assert_eq!(feed(&mut pieces, 1, "ab\nc"), [(Some("ab".into()), false, 1)]);
+        pieces.begin();
+        assert_eq!(feed(&mut pieces, 2, "d\n"), [(Some("d".into()), false, 2)], "what was cut off is forgotten");
+    }
 
     type Cut = (Option<String>, bool, i64);
 
