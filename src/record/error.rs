@@ -49,7 +49,7 @@ pub enum RecordError {
     #[error("port {port} of device '{device}' cannot be opened at {speed}: {reason}")]
     PortUnusable { device: String, port: String, speed: String, reason: String },
     #[error(
-        "device '{device}' starts {command}, but its rig did not come from a rig file of this computer, and such a rig starts no program: open the rig file itself"
+        "device '{device}' starts `{command}`, but its rig did not come from a rig file of this computer, and such a rig starts no program: open the rig file itself"
     )]
     Homeless { device: String, command: String },
     #[error(

@@ -63,8 +63,8 @@ impl Sources {
                 (Protocol::Frames | Protocol::Lines { .. }, _) => {
                     let queue = sources.queue(&sender, device);
                     let reader = reader::open(device, &queue)?;
-                    let again = reopen.then(|| device.clone());
-                    sources.spawn(device, move || pump(reader, again.as_ref(), &queue))?;
+                    let own = device.clone();
+                    sources.spawn(device, move || pump(reader, &own, reopen, &queue))?;
                 }
             }
         }
@@ -75,7 +75,8 @@ impl Sources {
     pub fn reading(device: &Device, reader: impl Read + Send + 'static) -> Result<Sources, RecordError> {
         let (mut sources, sender) = Sources::empty();
         let queue = sources.queue(&sender, device);
-        sources.spawn(device, move || pump(Box::new(reader), None, &queue))?;
+        let own = device.clone();
+        sources.spawn(device, move || pump(Box::new(reader), &own, false, &queue))?;
         Ok(sources)
     }
 
@@ -155,26 +156,26 @@ impl Drop for Sources {
     }
 }
 
-/// Reads until the stream ends. What `again` names is opened again, but for a command that is done, or that failed before it ever sent
-/// anything: that fails again.
-fn pump(mut reader: Reader, again: Option<&Device>, queue: &Queue) {
+/// Reads until the stream ends; then the device is opened again where that is wanted. Not so a command that is done, or that failed before
+/// it ever sent anything: that fails again.
+fn pump(mut reader: Reader, device: &Device, reopen: bool, queue: &Queue) {
+    let is_command = device.port.command().is_some();
     let mut ever_sent = false;
-    let mut backoff = again.map(|device| Backoff::of(&device.port));
+    let mut backoff = Backoff::of(&device.port);
     loop {
         let Some(End { why, sent, done }) = read(&mut *reader, queue) else { return };
         ever_sent |= sent;
-        let goes_on = |device: &&Device| device.port.command().is_none() || (ever_sent && !done);
-        let (Some(device), Some(backoff)) = (again.filter(goes_on), &mut backoff) else {
+        if !reopen || (is_command && (done || !ever_sent)) {
             // The session may have ended meanwhile.
-            queue.send(Input::Ended(why));
+            queue.send(Input::Ended(if is_command && done { "the command has ended".to_owned() } else { why }));
             return;
-        };
+        }
         drop(reader);
         if sent {
             backoff.reset();
         }
-        let Some(port) = queue.reopen(why, backoff, || reader::open(device, queue).ok()) else { return };
-        reader = port;
+        let Some(again) = queue.reopen(why, &mut backoff, || reader::open(device, queue).ok()) else { return };
+        reader = again;
     }
 }
 

@@ -365,7 +365,8 @@ fn describe(devices: &[Device]) -> String {
             Protocol::Lines { .. } => "lines",
             Protocol::ModbusRtu { .. } => "modbus-rtu",
         };
-        format!("{protocol} from device '{}' on {}", device.name, device.port)
+        let way = if device.port.command().is_some() { "by the command" } else { "on" };
+        format!("{protocol} from device '{}' {way} {}", device.name, device.port)
     };
     devices.iter().map(one).collect::<Vec<_>>().join("; ")
 }

@@ -53,8 +53,9 @@ pub fn take(stream: &mut Stream<'_>, input: Input, live: &mut Live<'_>) -> Resul
             cut(stream);
             if matches!(stream.state, State::Open) {
                 // one that came back and sent nothing has been away all along
-                let since = stream.away_since.filter(|_| stream.timing.returned).unwrap_or_else(Instant::now);
-                stream.away_since = Some(since);
+                let before = stream.away.take().filter(|_| stream.timing.returned);
+                let since = before.map_or_else(Instant::now, |(since, _)| since);
+                stream.away = Some((since, why.clone()));
                 stream.state = State::Vanished(since, why);
             }
         }

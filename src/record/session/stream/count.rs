@@ -30,7 +30,12 @@ pub fn nothing(stream: &Stream<'_>, ended: String) -> RecordError {
             RecordError::Refused { device, why: exception(*code) }
         }
         Codec::Polled(_) => RecordError::NoAnswer { device, port: port.to_string(), speed, ended },
-        _ if stream.bytes == 0 => RecordError::Silent { device, ended, advice: if_silent(port) },
+        _ if stream.bytes == 0 => {
+            let ended_by_itself = matches!(stream.state, State::Ended(_)) && port.command().is_some();
+            let by_itself = || format!("start {port} by itself in the rig file's folder to see why");
+            let advice = if ended_by_itself { by_itself() } else { if_silent(port) };
+            RecordError::Silent { device, ended, advice }
+        }
         Codec::Frames(_) => {
             RecordError::NoFrame { device, bytes: stream.bytes, what: if_wrong(port), speaks: "frames", ended }
         }
@@ -189,6 +194,10 @@ pub fn view(stream: &Stream<'_>, own: &[&SensorView], options: &Options, waited:
             Some(format!("{why}: {}", if_gone(&stream.device.port, options)))
         }
         State::Vanished(_, why) | State::Ended(why) => Some(why.clone()),
+        // its port is there again, and it has sent nothing yet
+        State::Open if stream.timing.returned => {
+            stream.away.as_ref().map(|(_, why)| format!("{why}: {}", if_gone(&stream.device.port, options)))
+        }
         State::Open if silent => Some(silence(stream)),
         State::Open | State::Reached => None,
     };

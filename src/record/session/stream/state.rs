@@ -66,8 +66,8 @@ pub struct Stream<'a> {
     /// What was seen of one that is polled before the recording began.
     pub(super) before: PollCounts,
     pub(super) values: Vec<f64>,
-    /// Since when it is away, where it was.
-    pub(super) away_since: Option<Instant>,
+    /// Since when it was away, and why.
+    pub(super) away: Option<(Instant, String)>,
     /// What it said to people.
     pub(super) said: Said,
 }
@@ -106,7 +106,7 @@ impl<'a> Stream<'a> {
             bad_and_lost: None,
             before: PollCounts::default(),
             values: Vec::new(),
-            away_since: None,
+            away: None,
             said: Said::of(&device.name),
         };
         if device.port.command().is_some() {
