@@ -17,7 +17,7 @@ use surgescope::storage as log;
 use tempfile::TempDir;
 
 use crate::common::surgescope;
-use crate::record_live::{check, playback, rig_text};
+use crate::record_live::{SCALES, check, playback, rig_text};
 
 /// A folder with a rig file whose device is a command.
 pub struct Bench {
@@ -175,10 +175,12 @@ fn a_command_that_dies_ten_times_leaves_ten_gaps_and_no_sample_at_a_wrong_time()
     assert_eq!(output.status.code(), Some(3), "{}", String::from_utf8_lossy(&output.stderr));
     let device = &json(&output)["devices"][0];
     assert_eq!((device["reconnects"].as_u64(), device["restarts"].as_u64()), (Some(10), Some(10)), "{device}");
-    assert_eq!(device["bad_frames"], 3, "the lines that were cut off: {device}");
+    // three lines are cut off by the end of a life; on a loaded machine a last line may come so late that nothing confirms its time
+    let unconfirmed = device["bad_frames"].as_u64().unwrap() - 3;
+    assert!(unconfirmed <= 3, "{device}");
     let recording = bench.read();
     let series = &recording.series[0];
-    let lives = &recording.series[2].value;
+    let lives: Vec<f64> = recording.series[2].value.iter().map(|value| (value / SCALES[2].0).round()).collect();
     let mut ends = 0;
     for (at, life) in lives.iter().enumerate().skip(1) {
         let is_gap = series.gaps.iter().any(|gap| gap.to_s == series.time_s[at] && gap.from_s == series.time_s[at - 1]);
@@ -189,10 +191,11 @@ fn a_command_that_dies_ten_times_leaves_ten_gaps_and_no_sample_at_a_wrong_time()
         assert!(is_gap == is_end || (is_gap && paused), "sample {at}: {is_gap}, {is_end}");
     }
     assert_eq!(ends, 10);
-    assert_eq!(lives.iter().filter(|life| **life < 10.0).count(), 150, "all that each life sent");
-    let scale = 0.030_518;
+    let sent = lives.iter().filter(|life| **life < 10.0).count() as u64;
+    assert_eq!(sent + unconfirmed, 150, "all that each life sent");
+    let (scale, offset) = SCALES[0];
     let start_us = recording.run.start_unix_ns as f64 / 1e3 % 1e11;
-    let off_s = |(time_s, value): (&f64, &f64)| time_s - ((value + 100.0) / scale - start_us) / 1e6;
+    let off_s = |(time_s, value): (&f64, &f64)| time_s - ((value - offset) / scale - start_us) / 1e6;
     let mut off: Vec<f64> = series.time_s.iter().zip(&series.value).map(off_s).collect();
     off.sort_by(f64::total_cmp);
     let (least, most) = (off[0], off[off.len() - 1]);

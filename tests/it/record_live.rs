@@ -23,7 +23,7 @@ use tempfile::TempDir;
 use crate::common::surgescope;
 
 pub const PERIOD_NS: u32 = 500_000;
-const SCALES: [(f64, f64); 3] = [(0.030_518, -100.0), (0.030_518, -100.0), (0.000_01, 0.0)];
+pub const SCALES: [(f64, f64); 3] = [(0.030_518, -100.0), (0.030_518, -100.0), (0.000_01, 0.0)];
 
 pub fn rig_text(protocol: &str) -> String {
     let sensors: String = [("P1", "pressure", "kPa"), ("P2", "pressure", "kPa"), ("Q1", "flow", "L/s")]

@@ -15,7 +15,7 @@ use surgescope::storage as log;
 
 use crate::common::surgescope;
 use crate::record_commands::Bench;
-use crate::record_live::{check, device, playback, rig};
+use crate::record_live::{SCALES, check, device, playback, rig};
 
 fn listening() -> (TcpListener, String) {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
@@ -127,10 +127,10 @@ fn a_lost_connection_is_taken_up_again_and_the_hole_is_a_gap() {
     assert_eq!((device["reconnects"].as_u64(), device["restarts"].as_u64()), (Some(2), Some(1)), "{device}");
     let series = &log::read(&bench.file).unwrap().series[0];
     assert_eq!((series.value.len(), series.gaps.len()), (1500, 2));
-    let scale = 0.030_518;
+    let (scale, offset) = SCALES[0];
     let restarted_s = (anew - began).as_secs_f64();
     for (at, (time_s, value)) in series.time_s.iter().zip(&series.value).enumerate() {
-        let own_s = (value + 100.0) / scale / 1e3;
+        let own_s = (value - offset) / scale / 1e3;
         let true_s = if at < 1000 { own_s } else { own_s + restarted_s };
         let most_s = if at < 1000 { 1e-9 } else { 0.1 };
         assert!((time_s - true_s).abs() < most_s, "sample {at}: {time_s} s for {true_s} s");
