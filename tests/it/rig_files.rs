@@ -176,6 +176,28 @@ fn every_key_arrives_in_si() {
     assert!([0, 1].iter().all(|&index| serial(index).framing.to_string() == "8N1"));
 }
 
+#[test]
+fn a_device_is_a_serial_port_a_socket_or_a_command() {
+    let with = |source: &str| {
+        let text = FULL.replace("port = \"/dev/ttyUSB0\"\nbaud = 921600", source);
+        Rig::from_toml(&text, "x.toml").unwrap().devices[0].port.clone()
+    };
+    for address in ["daq:5025", "10.0.0.5:1", "[fe80::1]:65535"] {
+        let port = with(&format!("port = \"tcp://{address}\""));
+        assert_eq!((&port, port.to_string()), (&Port::Tcp(address.into()), format!("tcp://{address}")));
+    }
+    let port = with("command = [\"python3\", \"-u\", \"my daq.py\", \"it's\", \"\"]");
+    let command = port.command().unwrap();
+    assert_eq!(command.words, ["python3", "-u", "my daq.py", "it's", ""]);
+    assert_eq!(command.to_string(), r"python3 -u 'my daq.py' 'it'\''s' ''", "as a shell takes it");
+    assert_eq!(command.folder, None, "a text has no folder");
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("rig.toml");
+    std::fs::write(&path, FULL.replace("port = \"/dev/ttyUSB0\"\nbaud = 921600", "command = [\"daq\"]")).unwrap();
+    let rig = Rig::load(&path).unwrap();
+    assert_eq!(rig.devices[0].port.command().unwrap().folder.as_deref(), Some(folder.path()));
+}
+
 /// What a user reads after one change to the full rig file, and the line of the change.
 fn complaint(from: &str, to: &str) -> (String, usize) {
     let at = FULL.find(from).unwrap_or_else(|| panic!("'{from}' is not in the file"));
@@ -260,6 +282,30 @@ fn every_fault_is_named_with_its_line() {
         ("parity = \"even\"", "parity = 2", "parity"),
         ("stop_bits = 2", "stop_bits = 1.5", "a whole number from 1 to 2"),
         ("stop_bits = 2", "stopbits = 2", "did you mean 'stop_bits'?"),
+        // sockets and commands
+        ("port = \"/dev/ttyUSB0\"", "port = \"tcp://daq\"", "is no address of a socket: write tcp://HOST:PORT"),
+        ("port = \"/dev/ttyUSB0\"", "port = \"tcp://daq:0\"", "is no address of a socket"),
+        ("port = \"/dev/ttyUSB0\"", "port = \"tcp://::1:5025\"", "is no address of a socket"),
+        ("port = \"/dev/ttyUSB0\"", "command = [\"daq\"]\nport = \"x\"", "give 'port' or 'command', not both"),
+        ("port = \"/dev/ttyUSB0\"\nbaud = 921600", "command = \"daq\"", "must be a list of texts, the program first"),
+        ("port = \"/dev/ttyUSB0\"\nbaud = 921600", "command = []", "must be a list of texts, the program first"),
+        ("port = \"/dev/ttyUSB0\"\nbaud = 921600", "command = [\"daq\", 3]", "must be a list of texts"),
+        ("port = \"/dev/ttyUSB0\"\nbaud = 921600", "command = [\"\", \"x\"]", "'command' names no program"),
+        (
+            "port = \"/dev/ttyUSB0\"\nbaud = 921600",
+            "command = [\"daq\"]\nbaud = 921600",
+            "'baud' is for serial ports only, and a command is none; leave it out",
+        ),
+        (
+            "port = \"/dev/ttyUSB2\"\nbaud = 115200\ndata_bits = 7\nparity = \"even\"\nstop_bits = 2",
+            "port = \"tcp://daq:5025\"\nparity = \"even\"",
+            "'parity' is for serial ports only, and a socket is none; leave it out",
+        ),
+        (
+            "port = \"/dev/ttyUSB1\"\nbaud = 19200\nprotocol = \"modbus-rtu\"",
+            "port = \"tcp://daq:502\"\nprotocol = \"modbus-rtu\"",
+            "modbus-rtu needs a serial port: it tells messages apart by pauses on the line, which a socket does not keep",
+        ),
         // sensors
         (
             "position_m = 271.0",
