@@ -287,8 +287,16 @@ fn every_fault_is_named_with_its_line() {
         ("port = \"/dev/ttyUSB0\"", "port = \"tcp://daq:0\"", "is no address of a socket"),
         ("port = \"/dev/ttyUSB0\"", "port = \"tcp://::1:5025\"", "is no address of a socket"),
         ("port = \"/dev/ttyUSB0\"", "command = [\"daq\"]\nport = \"x\"", "give 'port' or 'command', not both"),
-        ("port = \"/dev/ttyUSB0\"\nbaud = 921600", "command = \"daq\"", "must be a list of texts, the program first"),
-        ("port = \"/dev/ttyUSB0\"\nbaud = 921600", "command = []", "must be a list of texts, the program first"),
+        (
+            "port = \"/dev/ttyUSB0\"\nbaud = 921600",
+            "command = \"daq\"",
+            "must be a list of texts of one line each, the program first",
+        ),
+        (
+            "port = \"/dev/ttyUSB0\"\nbaud = 921600",
+            "command = []",
+            "must be a list of texts of one line each, the program first",
+        ),
         ("port = \"/dev/ttyUSB0\"\nbaud = 921600", "command = [\"daq\", 3]", "must be a list of texts"),
         ("port = \"/dev/ttyUSB0\"\nbaud = 921600", "command = [\"\", \"x\"]", "'command' names no program"),
         (

@@ -91,7 +91,8 @@ fn read_port(section: &Section<'_>, speaks: Option<Speaks>) -> Option<Port> {
         section.fault_at(&port, "give 'port' or 'command', not both");
     }
     not_serial(section, speaks, "a command");
-    let words = section.words("command", "a list of texts, the program first, e.g. [\"python3\", \"daq.py\"]")?;
+    let words = section
+        .words("command", "a list of texts of one line each, the program first, e.g. [\"python3\", \"daq.py\"]")?;
     if words.first().is_some_and(|program| program.trim().is_empty()) {
         section.fault_at(&place, "'command' names no program: its first text is empty");
         return None;
