@@ -60,7 +60,7 @@ export function record() {
   const agree = h("input", { type: "checkbox", onchange: () => show() });
   const programs = h("div", { class: "rows" }, h("p", { class: "hint" }, "This recording starts ", commands.length === 1 ? "a program" : "programs", " on this computer, as the rig file says:"),
     commands.map((c) => h("p", {}, `${c.device}: `, h("code", { text: c.shown }), h("span", { class: "hint", text: ` in ${c.folder}` }))),
-    h("label", { class: "asked" }, agree, " ", h("span", { text: commands.length === 1 ? "Start it" : "Start them" })));
+    h("label", { class: "asked" }, h("span", { text: commands.length === 1 ? "Start it" : "Start them" }), " ", h("span", {}, agree)));
   const begin = h("button", { class: "primary", text: "Start" });
   const show = () => {
     simulated.hidden = source.field.value !== "simulated";

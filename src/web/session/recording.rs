@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 use std::error::Error;
-use std::path::{Path, PathBuf};
+use std::path::{Path, PathBuf, absolute};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -238,7 +238,7 @@ fn agreed(devices: &[Device], commands: &BTreeMap<String, Vec<String>>) -> Resul
 pub fn commands(rig: &Rig) -> Vec<Value> {
     let of = |device: Device| {
         let command = device.port.command()?;
-        let folder = command.folder.as_ref()?.shown().into_owned();
+        let folder = absolute(command.folder.as_ref()?).ok()?.shown().into_owned();
         Some(json!({ "device": device.name, "words": command.words, "shown": command.to_string(), "folder": folder }))
     };
     live_devices(rig, &[]).map_or(Vec::new(), |devices| devices.into_iter().filter_map(of).collect())
