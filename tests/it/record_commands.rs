@@ -296,10 +296,26 @@ fn a_command_that_cannot_be_recorded_says_why() {
     refused("command = [\"true\"]", &["--port", "daq=/dev/ttyUSB0"], &["the speed of /dev/ttyUSB0 is not known"]);
 }
 
+/// Whoever writes a flood of messages loses some of them, and no sample.
+#[test]
+fn a_flood_of_messages_costs_no_sample() {
+    let text = "i=0; while [ $i -lt 20000 ]; do echo $((i * 100)),1,2,3; echo message $i >&2; i=$((i + 1)); done";
+    let bench = Bench::script("lines", text);
+    let output = bench.recorder(&[]).output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    let recording = bench.read();
+    assert_eq!((recording.series[0].value.len(), recording.series[0].gaps.len()), (20_000, 0));
+    let notes: Vec<&str> =
+        recording.run.notes.iter().filter(|(key, _)| key == "daq.stderr").map(|(_, text)| text.as_str()).collect();
+    assert!(notes.len() <= 201 && notes.iter().any(|note| note.ends_with("lines left out)")), "{notes:?}");
+}
+
 /// `ports` says whether a command is there; it does not start it.
 #[test]
 fn ports_looks_a_command_up_and_does_not_start_it() {
     let bench = Bench::script("lines", "touch started");
+    let checked = surgescope(["rig", "check", "--json"]).arg(&bench.rig).output().unwrap();
+    assert!(matches!(checked.status.code(), Some(0 | 1)), "{}", String::from_utf8_lossy(&checked.stderr));
     let ports = |bench: &Bench| surgescope(["ports", "--json", "--rig"]).arg(&bench.rig).output().unwrap();
     let output = ports(&bench);
     assert_eq!(output.status.code(), Some(0));

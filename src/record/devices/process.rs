@@ -31,6 +31,8 @@ const LOOK_EVERY: Duration = Duration::from_millis(10);
 const LAST_WORDS: Duration = Duration::from_millis(300);
 /// A longer message is cut, bytes.
 const LONGEST_MESSAGE: u64 = 1000;
+/// No more messages are passed on in a second: a flood of them must not take the queue from the samples.
+const MOST_A_SECOND: u32 = 100;
 
 /// Waits for a line, or for the end of the pipe: at that it ends the process group $1. `3` is [`GRACE`].
 const GUARD: &str = "read -r _ || { kill -s TERM -- -$1; sleep 3; kill -s KILL -- -$1; }";
@@ -207,19 +209,35 @@ fn refusal(device: &str, command: &Command, folder: &Path, error: &io::Error) ->
     }
 }
 
-/// Passes on what a process says, line by line, until it says no more or nobody listens.
+/// Passes on what a process says, line by line, until it says no more or nobody listens. It is always read, for else the process would wait.
 fn pass_on(messages: ChildStderr, queue: &Queue) {
     let mut messages = BufReader::new(messages);
     let mut line = Vec::new();
+    let (mut second, mut passed, mut left_out) = (Instant::now(), 0, 0_u64);
+    let say = |text: String| queue.send(Input::Said { at_ns: queue.host.now_ns(), text });
     loop {
         line.clear();
-        match messages.by_ref().take(LONGEST_MESSAGE).read_until(b'\n', &mut line) {
-            Ok(0) | Err(_) => return,
-            Ok(_) => {}
+        let length = messages.by_ref().take(LONGEST_MESSAGE).read_until(b'\n', &mut line).unwrap_or(0);
+        if length == 0 || second.elapsed() >= Duration::from_secs(1) {
+            if left_out > 0 && !say(format!("({left_out} lines left out)")) {
+                return;
+            }
+            (second, passed, left_out) = (Instant::now(), 0, 0);
+        }
+        if length == 0 {
+            return;
         }
         let text = String::from_utf8_lossy(&line);
         let text: String = text.trim_end().chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
-        if !text.trim().is_empty() && !queue.send(Input::Said { at_ns: queue.host.now_ns(), text }) {
+        if text.trim().is_empty() {
+            continue;
+        }
+        if passed == MOST_A_SECOND {
+            left_out += 1;
+            continue;
+        }
+        passed += 1;
+        if !say(text) {
             return;
         }
     }

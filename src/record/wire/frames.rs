@@ -75,7 +75,7 @@ impl Decoder {
 
     /// Another stream begins, which we hear from its first byte on: its sequence and its clock begin anew.
     pub fn begin_anew(&mut self) {
-        self.pieces.begin();
+        self.pieces = Pieces::default();
         self.resequencer.begin_anew();
     }
 

@@ -7,7 +7,7 @@ pub(crate) struct Pieces<const END: u8, const LONGEST: usize> {
     ended: Vec<u8>,
     /// The rest of an overlong piece is thrown away up to the next end mark.
     skipping: bool,
-    /// The first end mark was seen; what stood before it may be the rest of a piece that began before we listened.
+    /// The first end mark was seen; what stood before it may be the rest of a piece that began before we listened, or no piece at all.
     aligned: bool,
     /// When the first byte of the pending piece arrived.
     began_ns: i64,
@@ -17,7 +17,7 @@ pub(crate) struct Pieces<const END: u8, const LONGEST: usize> {
 pub(crate) struct Piece<'a> {
     /// Its bytes, without the end mark; `None` for an overlong one.
     pub bytes: Option<&'a [u8]>,
-    /// It may be the rest of a piece that began before we listened.
+    /// It is the first: it may be the rest of a piece that began before we listened.
     pub maybe_rest: bool,
     /// When its first byte arrived, ns on the clock of [`Pieces::next`].
     pub began_ns: i64,
@@ -48,11 +48,6 @@ impl<const END: u8, const LONGEST: usize> Pieces<END, LONGEST> {
         within
     }
 
-    /// The next byte is the first of a stream that we hear from its beginning.
-    pub fn begin(&mut self) {
-        *self = Pieces { aligned: true, ..Pieces::default() };
-    }
-
     fn keep(&mut self, at_ns: i64, part: &[u8]) {
         if self.skipping {
             return;
@@ -72,15 +67,6 @@ impl<const END: u8, const LONGEST: usize> Pieces<END, LONGEST> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_first_piece_of_a_stream_heard_from_its_beginning_is_whole() {
-        let mut pieces = Pieces::<b'\n', 4>::default();
-        pieces.begin();
-        assert_eq!(feed(&mut pieces, 1, "ab\nc"), [(Some("ab".into()), false, 1)]);
-        pieces.begin();
-        assert_eq!(feed(&mut pieces, 2, "d\n"), [(Some("d".into()), false, 2)], "what was cut off is forgotten");
-    }
 
     type Cut = (Option<String>, bool, i64);
 
