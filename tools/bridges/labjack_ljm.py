@@ -38,8 +38,8 @@ def stream(handle, chosen):
     ljm.eWriteName(handle, "STREAM_SETTLING_US", chosen.settling_us)
     ljm.eWriteName(handle, "STREAM_RESOLUTION_INDEX", 0)
     addresses = ljm.namesToAddresses(width, chosen.channels)[0]
-    # twenty reads a second: what is read late is lost when the recorder is killed
-    scans_a_read = max(1, round(chosen.rate / 20))
+    # fifty reads a second: what waits here is lost when the recorder is killed
+    scans_a_read = max(1, round(chosen.rate / 50))
     rate_hz = ljm.eStreamStart(handle, scans_a_read, width, addresses, chosen.rate)
     sender = Sender(width, rate_hz, chosen.range)
     first = 0

@@ -40,7 +40,8 @@ pub fn run(args: Args, json: bool) -> CommandResult {
                 (None, Some(_)) => "can be started (it was not)",
                 (None, None) => "can be opened",
             };
-            say!("device '{}' on {}: {found}", device.name, device.port);
+            let place = if device.port.command().is_some() { "by" } else { "on" };
+            say!("device '{}' {place} {}: {found}", device.name, device.port);
         }
     }
     Ok(if all_open { Outcome::Done } else { Outcome::No })
