@@ -62,12 +62,14 @@ pub fn take(stream: &mut Stream<'_>, input: Input, live: &mut Live<'_>) -> Resul
         Input::Back => {
             stream.reconnects += 1;
             stream.timing.returned = true;
-            if stream.device.port.command().is_some() {
+            let is_command = stream.device.port.command().is_some();
+            if is_command {
                 stream.begin_anew();
             }
             if matches!(stream.state, State::Vanished(..)) {
                 stream.state = State::Open;
-                if !stream.is_empty() {
+                // a command that has never sent a sample does not gain time by dying
+                if !(is_command && stream.is_empty()) {
                     stream.timing.last_message = Instant::now();
                 }
             }
