@@ -110,13 +110,18 @@ def options(about, channels, **more):
     return chosen
 
 
+_asked_to_end = []
+
+
+def running():
+    """False once the recorder has asked the bridge to end: it looks between two reads, so that no frame is cut or sent twice."""
+    return not _asked_to_end
+
+
 def run(main):
     """Runs a bridge until the recorder ends it; a fault of the device is said, and ends it with code 1, so that it is started again."""
-    def stop(*_):
-        raise SystemExit(0)
-
-    signal.signal(signal.SIGTERM, stop)
-    signal.signal(signal.SIGINT, stop)
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda number, _: _asked_to_end.append(number))
     try:
         main()
     except BrokenPipeError:

@@ -12,7 +12,7 @@ recorder starts it again, and the time between is a gap.
 from labjack import ljm
 from labjack.ljm import constants
 
-from frames import Sender, options, run, say
+from frames import Sender, options, run, running, say
 
 
 def main():
@@ -45,7 +45,7 @@ def stream(handle, chosen):
     first = 0
     behind = False
     try:
-        while True:
+        while running():
             volts, device_backlog, ljm_backlog = ljm.eStreamRead(handle)
             send(sender, first, volts, width)
             first += scans_a_read

@@ -14,7 +14,7 @@ import time
 
 import uldaq
 
-from frames import Sender, options, run, say
+from frames import Sender, options, run, running, say
 
 RING_S = 10
 """What the ring holds, s."""
@@ -82,7 +82,7 @@ def volts(range_v):
 def follow(inputs, data, ring, width, sender):
     """Sends what comes into the ring, until the scan ends."""
     read, since = 0, time.monotonic()
-    while True:
+    while running():
         status, transfer = inputs.get_scan_status()
         # a scan of which not all channels have come yet does not count
         come = transfer.current_total_count // width

@@ -15,7 +15,7 @@ from nidaqmx.constants import AcquisitionType, OverwriteMode, ReadRelativeTo, Te
 from nidaqmx.errors import DaqReadError
 from nidaqmx.stream_readers import AnalogMultiChannelReader
 
-from frames import Sender, options, run, say
+from frames import Sender, options, run, running, say
 
 OVERWRITTEN = -200279
 NOT_YET = -200284
@@ -59,7 +59,7 @@ def acquire(task, sender, data):
     reader = AnalogMultiChannelReader(task.in_stream)
     scans_a_read = data.shape[1]
     waited_s = 0
-    while True:
+    while running():
         timeout_s = max(1.0, 2 * scans_a_read / sender.rate_hz)
         try:
             scans = reader.read_many_sample(data, number_of_samples_per_channel=scans_a_read, timeout=timeout_s)
