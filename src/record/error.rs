@@ -48,14 +48,46 @@ pub enum RecordError {
     PortBusy { device: String, port: String },
     #[error("port {port} of device '{device}' cannot be opened at {speed}: {reason}")]
     PortUnusable { device: String, port: String, speed: String, reason: String },
+    #[error(
+        "device '{device}' starts `{command}`, but its rig did not come from a rig file of this computer, and such a rig starts no program: open the rig file itself"
+    )]
+    Homeless { device: String, command: String },
+    #[error(
+        "program '{program}' of device '{device}' is not found: it is neither on the PATH nor in the rig file's folder, {folder}"
+    )]
+    CommandMissing { device: String, program: String, folder: String },
+    #[error(
+        "program '{program}' of device '{device}' is not on the PATH; the one in the rig file's folder, {folder}, is called \"./{program}\""
+    )]
+    CommandElsewhere { device: String, program: String, folder: String },
+    #[error(
+        "program '{program}' of device '{device}' is not executable: `chmod +x` makes it so, or write its interpreter before it, as in [\"python3\", \"daq.py\"]"
+    )]
+    CommandForbidden { device: String, program: String },
+    #[error("program '{program}' of device '{device}' cannot be started: {reason}")]
+    CommandUnusable { device: String, program: String, reason: String },
+    #[error(
+        "host '{host}' of device '{device}' is not found ({reason}): check its spelling, or write its address in numbers"
+    )]
+    Unresolved { device: String, host: String, reason: String },
+    #[error("device '{device}' cannot be reached on tcp://{address}: {reason}")]
+    Unreachable { device: String, address: String, reason: String },
+    #[error("device '{device}' speaks modbus-rtu, which needs a serial port; {port} is none")]
+    NotSerial { device: String, port: String },
+    #[error(
+        "device '{device}' has no serial port in the rig file, so the speed of {path} is not known: give it `port` and `baud` there"
+    )]
+    NoBaud { device: String, path: String },
+    #[error("{0}")]
+    BadAddress(String),
     #[error("the thread that reads device '{device}' cannot be started")]
     Thread { device: String, source: io::Error },
-    #[error("device '{device}' sent nothing ({ended}): is it switched on and started, and is {port} its port?")]
-    Silent { device: String, port: String, ended: String },
+    #[error("device '{device}' sent nothing ({ended}): {advice}")]
+    Silent { device: String, ended: String, advice: String },
     #[error(
-        "device '{device}' sent {bytes} bytes but nothing valid ({ended}): check baud rate and format ({speed} in the rig file) and that it speaks `{speaks}`"
+        "device '{device}' sent {bytes} bytes but nothing valid ({ended}): check {what} and that it speaks `{speaks}`"
     )]
-    NoFrame { device: String, bytes: u64, speed: String, speaks: &'static str, ended: String },
+    NoFrame { device: String, bytes: u64, what: String, speaks: &'static str, ended: String },
     #[error(
         "device '{device}' never answered ({ended}): is it switched on, and are its port ({port}), baud rate and format ({speed}) and unit_id right?"
     )]

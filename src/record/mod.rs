@@ -6,7 +6,7 @@
 //! | --- | --- |
 //! | [`wire`] | the wire codecs: bytes to values and back, without I/O |
 //! | [`clock`] | the clocks of devices against the host's and against each other; playing recorded time |
-//! | [`devices`] | serial ports, polled slaves, simulated devices; a thread a port, all into one bounded queue |
+//! | [`devices`] | serial ports, sockets, processes, polled slaves, simulated devices; a thread a port, all into one bounded queue |
 //! | [`health`] | how a sensor does, what is wrong with it and what to do; where a session stands |
 //! | [`session`] | one live test: its devices, its log, triggered shots, replays |
 

@@ -8,7 +8,7 @@ use crate::record::devices::source::Sources;
 use crate::record::health::snapshot::Snapshot;
 use crate::record::session::live_test::{Options, live_devices, record};
 use crate::record::session::output::Summary;
-use crate::rig::{Device, Rig};
+use crate::rig::{Device, Port, Rig};
 use crate::simulate::playback::{Timing, USUAL_SEED, of_scenario};
 use crate::simulate::scenario::Scenario;
 use crate::simulate::wiring::wired;
@@ -65,10 +65,11 @@ pub fn record_playbacks(
 ) -> Result<Summary, Box<dyn Error + Send + Sync>> {
     let mut devices = Vec::new();
     // Lines by the port that stands in the rig file: Modbus slaves may share one.
-    let mut simulated: Vec<(String, SimulatedDevice, Vec<Script>)> = Vec::new();
+    let mut simulated: Vec<(Port, SimulatedDevice, Vec<Script>)> = Vec::new();
     for (mut device, playback) in played {
         let script = Script::new(&playback, rig, &device)?;
-        let at = match simulated.iter().position(|(port, ..)| *port == device.port) {
+        let shared = |port: &Port| device.port.command().is_none() && *port == device.port;
+        let at = match simulated.iter().position(|(port, ..)| shared(port)) {
             Some(at) => at,
             None => {
                 simulated.push((device.port.clone(), SimulatedDevice::open()?, Vec::new()));
@@ -76,7 +77,7 @@ pub fn record_playbacks(
             }
         };
         let (_, line, scripts) = &mut simulated[at];
-        device.port = line.path().display().to_string();
+        device = device.on_pseudoterminal(&line.path().display().to_string());
         scripts.push(script);
         devices.push(device);
     }

@@ -1,6 +1,6 @@
 //! Wiring for a rig that has none, so that a test can be simulated on it as if it were recorded live.
 
-use crate::rig::{Device, Framing, Protocol, Rig, Wiring};
+use crate::rig::{Device, Framing, Port, Protocol, Rig, Serial, Wiring};
 use crate::simulate::playback::{Timing, USUAL_SEED, of_scenario};
 use crate::simulate::scenario::Scenario;
 
@@ -22,9 +22,7 @@ pub fn wired(scenario: &Scenario, timing: &Timing) -> Result<Rig, Box<dyn std::e
     }
     let device = Device {
         name: DEVICE.into(),
-        port: DEVICE.into(),
-        baud: 921_600,
-        framing: Framing::default(),
+        port: Port::Serial(Serial { path: DEVICE.into(), baud: 921_600, framing: Framing::default() }),
         protocol: Protocol::Frames,
     };
     for (channel, sensor) in (0u16..).zip(&mut rig.sensors) {

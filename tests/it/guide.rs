@@ -28,6 +28,7 @@ pages! {
     first_run "docs/src/first-run.md"
     rig "docs/src/rig.md"
     recording "docs/src/recording.md"
+    devices "docs/src/devices.md"
     importing "docs/src/importing.md"
     the_loop "docs/src/loop.md"
     diagnosis "docs/src/diagnosis.md"

@@ -82,7 +82,7 @@ fn record_devices(
     devices.retain(|device| names.contains(&device.name.as_str()));
     let mut simulated: Vec<SimulatedDevice> = devices.iter().map(|_| SimulatedDevice::open().unwrap()).collect();
     for (device, line) in devices.iter_mut().zip(&simulated) {
-        device.port = line.path().display().to_string();
+        *device = device.clone().on_pseudoterminal(&line.path().display().to_string());
     }
     let sources = Sources::open(rig, &devices, false).unwrap();
     for (device, line) in devices.iter().zip(&mut simulated) {
@@ -209,7 +209,7 @@ fn a_device_that_vanishes_is_waited_for_and_the_hole_is_a_gap() {
     let folder = TempDir::new().unwrap();
     let (file, port) = (folder.path().join("run.mcap"), folder.path().join("port"));
     let rig = rig();
-    let device = Device { port: port.display().to_string(), ..live_devices(&rig, &[]).unwrap().remove(0) };
+    let device = live_devices(&rig, &[]).unwrap().remove(0).on_pseudoterminal(port.to_str().unwrap());
     let plug = |seconds: f64| {
         let mut line = SimulatedDevice::open().unwrap();
         let _ = std::fs::remove_file(&port);
@@ -262,7 +262,7 @@ fn two_devices_on_one_port_and_a_slave_without_the_register_are_told() {
     let mut line = SimulatedDevice::open().unwrap();
     let plc = |rig: &Rig| live_devices(rig, &[]).unwrap().remove(2);
     let script = Script::new(&playback(&other, &plc(&other), 2.0), &other, &plc(&other)).unwrap();
-    let device = Device { port: line.path().display().to_string(), ..plc(&rig) };
+    let device = plc(&rig).on_pseudoterminal(line.path().to_str().unwrap());
     let sources = Sources::open(&rig, &[device], false).unwrap();
     line.start(script, 1.0, Faults::default()).unwrap();
     let options = Options { silence: Duration::from_secs(4), ..Options::new(&file) };
@@ -311,7 +311,7 @@ fn polls_before_the_first_answer_are_no_loss() {
     let rig = rig();
     let mut line = SimulatedDevice::open().unwrap();
     let plc = live_devices(&rig, &[]).unwrap().remove(2);
-    let device = Device { port: line.path().display().to_string(), ..plc };
+    let device = plc.on_pseudoterminal(line.path().to_str().unwrap());
     let script = Script::new(&playback(&rig, &device, 0.5), &rig, &device).unwrap();
     let sources = Sources::open(&rig, &[device], false).unwrap();
     let options = Options::new(folder.path().join("run.mcap"));
@@ -391,7 +391,7 @@ fn logger_in(sends: &str, read_as: &str, seconds: f64, options: impl Fn(Options)
     let folder = TempDir::new().unwrap();
     let (sender, reader) = (rig_in(sends), rig_in(read_as));
     let mut line = SimulatedDevice::open().unwrap();
-    let device = Device { port: line.path().display().to_string(), ..logger(&reader) };
+    let device = logger(&reader).on_pseudoterminal(line.path().to_str().unwrap());
     let sources = Sources::open(&reader, std::slice::from_ref(&device), false).unwrap();
     let script = Script::new(&playback(&sender, &logger(&sender), seconds), &sender, &logger(&sender)).unwrap();
     line.start(script, 1.0, Faults::default()).unwrap();

@@ -24,10 +24,10 @@ use tempfile::TempDir;
 use crate::common::refused;
 use crate::common::surgescope;
 
-const PERIOD_NS: u32 = 500_000;
-const SCALES: [(f64, f64); 3] = [(0.030_518, -100.0), (0.030_518, -100.0), (0.000_01, 0.0)];
+pub const PERIOD_NS: u32 = 500_000;
+pub const SCALES: [(f64, f64); 3] = [(0.030_518, -100.0), (0.030_518, -100.0), (0.000_01, 0.0)];
 
-fn rig_text(protocol: &str) -> String {
+pub fn rig_text(protocol: &str) -> String {
     let sensors: String = [("P1", "pressure", "kPa"), ("P2", "pressure", "kPa"), ("Q1", "flow", "L/s")]
         .iter()
         .zip(SCALES)
@@ -48,16 +48,16 @@ fn rig_text(protocol: &str) -> String {
     )
 }
 
-fn rig() -> Rig {
+pub fn rig() -> Rig {
     Rig::from_toml(&rig_text("frames"), "bench.toml").unwrap()
 }
 
-fn device() -> Device {
+pub fn device() -> Device {
     live_devices(&rig(), &[]).unwrap().remove(0)
 }
 
 /// Three different decaying waves around a steady value, `seconds` long at 2 kHz.
-fn playback(seconds: f64) -> Playback {
+pub fn playback(seconds: f64) -> Playback {
     let samples = (seconds * 2000.0) as usize;
     let wave = |steady: f64, height: f64, hertz: f64| {
         let at = |i: usize| i as f64 / 2000.0;
@@ -80,7 +80,7 @@ fn quantised(playback: &Playback, channel: usize, index: usize) -> f64 {
 fn record_playback(playback: &Playback, speed: f64, faults: Faults, options: &Options) -> (Summary, Sent) {
     let rig = rig();
     let mut simulated = SimulatedDevice::open().unwrap();
-    let device = Device { port: simulated.path().display().to_string(), ..device() };
+    let device = device().on_pseudoterminal(simulated.path().to_str().unwrap());
     let sources = Sources::open(&rig, std::slice::from_ref(&device), false).unwrap();
     let script = Script::new(playback, &rig, &device).unwrap();
     assert_eq!(script.clipped, 0);
@@ -102,7 +102,7 @@ fn indices(series: &Series) -> Vec<usize> {
 
 /// Every sample is the one that was played at its time, and every hole is a gap, nothing else is. Returns the samples of
 /// each channel.
-fn check(recording: &Recording, playback: &Playback) -> Vec<usize> {
+pub fn check(recording: &Recording, playback: &Playback) -> Vec<usize> {
     assert_eq!(recording.series.len(), 3);
     for (channel, series) in recording.series.iter().enumerate() {
         let indices = indices(series);

@@ -1,6 +1,8 @@
 //! What users rely on in rig files: every key of the interface works, and every fault is named with its line.
 
-use surgescope::rig::{Constraint, Coupling, Encoding, Framing, Parity, Protocol, Rig, SensorKind, TimeUnit, Upstream};
+use surgescope::rig::{
+    Constraint, Coupling, Encoding, Framing, Parity, Port, Protocol, Rig, SensorKind, TimeUnit, Upstream,
+};
 
 use crate::common::{here, printed, refused, run, text};
 
@@ -161,13 +163,39 @@ fn every_key_arrives_in_si() {
     assert_eq!((v1.kind, v1.position_m), (SensorKind::ValvePosition, 271.0));
     assert_eq!((g1.kind, g1.position_m), (SensorKind::Trigger, 271.0));
 
-    assert_eq!((rig.devices[0].port.as_str(), rig.devices[0].baud), ("/dev/ttyUSB0", 921_600));
+    let serial = |index: usize| match &rig.devices[index].port {
+        Port::Serial(serial) => serial,
+        other => panic!("{other} is no serial port"),
+    };
+    assert_eq!((serial(0).path.as_str(), serial(0).baud), ("/dev/ttyUSB0", 921_600));
     assert_eq!(rig.devices[0].protocol, Protocol::Frames);
     assert_eq!(rig.devices[1].protocol, Protocol::ModbusRtu { unit_id: 7, poll_interval_s: 0.5, timeout_s: 0.3 });
     assert_eq!(rig.devices[2].protocol, Protocol::Lines { time_unit: TimeUnit::Microseconds });
-    assert_eq!(rig.devices[2].framing, Framing { data_bits: 7, parity: Parity::Even, stop_bits: 2 });
-    assert_eq!(rig.devices[2].speed(), "115200 baud 7E2");
-    assert!(rig.devices[..2].iter().all(|device| device.framing.to_string() == "8N1"));
+    assert_eq!(serial(2).framing, Framing { data_bits: 7, parity: Parity::Even, stop_bits: 2 });
+    assert_eq!(serial(2).speed(), "115200 baud 7E2");
+    assert!([0, 1].iter().all(|&index| serial(index).framing.to_string() == "8N1"));
+}
+
+#[test]
+fn a_device_is_a_serial_port_a_socket_or_a_command() {
+    let with = |source: &str| {
+        let text = FULL.replace("port = \"/dev/ttyUSB0\"\nbaud = 921600", source);
+        Rig::from_toml(&text, "x.toml").unwrap().devices[0].port.clone()
+    };
+    for address in ["daq:5025", "10.0.0.5:1", "[fe80::1]:65535"] {
+        let port = with(&format!("port = \"tcp://{address}\""));
+        assert_eq!((&port, port.to_string()), (&Port::Tcp(address.into()), format!("tcp://{address}")));
+    }
+    let port = with("command = [\"python3\", \"-u\", \"my daq.py\", \"it's\", \"\"]");
+    let command = port.command().unwrap();
+    assert_eq!(command.words, ["python3", "-u", "my daq.py", "it's", ""]);
+    assert_eq!(command.to_string(), r"python3 -u 'my daq.py' 'it'\''s' ''", "as a shell takes it");
+    assert_eq!(command.folder, None, "a text has no folder");
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("rig.toml");
+    std::fs::write(&path, FULL.replace("port = \"/dev/ttyUSB0\"\nbaud = 921600", "command = [\"daq\"]")).unwrap();
+    let rig = Rig::load(&path).unwrap();
+    assert_eq!(rig.devices[0].port.command().unwrap().folder.as_deref(), Some(folder.path()));
 }
 
 /// What a user reads after one change to the full rig file, and the line of the change.
@@ -254,6 +282,38 @@ fn every_fault_is_named_with_its_line() {
         ("parity = \"even\"", "parity = 2", "parity"),
         ("stop_bits = 2", "stop_bits = 1.5", "a whole number from 1 to 2"),
         ("stop_bits = 2", "stopbits = 2", "did you mean 'stop_bits'?"),
+        // sockets and commands
+        ("port = \"/dev/ttyUSB0\"", "port = \"tcp://daq\"", "is no address of a socket: write tcp://HOST:PORT"),
+        ("port = \"/dev/ttyUSB0\"", "port = \"tcp://daq:0\"", "is no address of a socket"),
+        ("port = \"/dev/ttyUSB0\"", "port = \"tcp://::1:5025\"", "is no address of a socket"),
+        ("port = \"/dev/ttyUSB0\"", "command = [\"daq\"]\nport = \"x\"", "give 'port' or 'command', not both"),
+        (
+            "port = \"/dev/ttyUSB0\"\nbaud = 921600",
+            "command = \"daq\"",
+            "must be a list of texts of one line each, the program first",
+        ),
+        (
+            "port = \"/dev/ttyUSB0\"\nbaud = 921600",
+            "command = []",
+            "must be a list of texts of one line each, the program first",
+        ),
+        ("port = \"/dev/ttyUSB0\"\nbaud = 921600", "command = [\"daq\", 3]", "must be a list of texts"),
+        ("port = \"/dev/ttyUSB0\"\nbaud = 921600", "command = [\"\", \"x\"]", "'command' names no program"),
+        (
+            "port = \"/dev/ttyUSB0\"\nbaud = 921600",
+            "command = [\"daq\"]\nbaud = 921600",
+            "'baud' is for serial ports only, and a command is none; leave it out",
+        ),
+        (
+            "port = \"/dev/ttyUSB2\"\nbaud = 115200\ndata_bits = 7\nparity = \"even\"\nstop_bits = 2",
+            "port = \"tcp://daq:5025\"\nparity = \"even\"",
+            "'parity' is for serial ports only, and a socket is none; leave it out",
+        ),
+        (
+            "port = \"/dev/ttyUSB1\"\nbaud = 19200\nprotocol = \"modbus-rtu\"",
+            "port = \"tcp://daq:502\"\nprotocol = \"modbus-rtu\"",
+            "modbus-rtu needs a serial port: it tells messages apart by pauses on the line, which a socket does not keep",
+        ),
         // sensors
         (
             "position_m = 271.0",

@@ -76,9 +76,9 @@ fn played(
 ) -> (Summary, Vec<Recording>, Vec<Snapshot>) {
     let folder = tempfile::tempdir().unwrap();
     let rig = rig(protocol);
-    let mut device = live_devices(&rig, &[]).unwrap().remove(0);
+    let device = live_devices(&rig, &[]).unwrap().remove(0);
     let mut line = SimulatedDevice::open().unwrap();
-    device.port = line.path().display().to_string();
+    let device = device.on_pseudoterminal(line.path().to_str().unwrap());
     let rows = (END_S * 1e3) as usize;
     let values = |of: &dyn Fn(usize) -> f64| (0..rows).map(of).collect::<Vec<f64>>();
     // P2 stands at the end of its range from the start
@@ -189,7 +189,7 @@ fn a_logger_too_slow_for_the_shot_is_said_to_be_missing() {
     let mut devices = live_devices(&rig, &[]).unwrap();
     let mut lines = [SimulatedDevice::open().unwrap(), SimulatedDevice::open().unwrap()];
     for (device, line) in devices.iter_mut().zip(&lines) {
-        device.port = line.path().display().to_string();
+        *device = device.clone().on_pseudoterminal(&line.path().display().to_string());
     }
     let rows = (END_S * 1e3) as usize;
     let of_daq = |of: fn(usize) -> f64| (0..rows).map(of).collect::<Vec<f64>>();

@@ -2,18 +2,19 @@
 
 use std::process::{Command, Stdio};
 use std::thread;
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime};
 
 use surgescope::record::devices::simulated::{Faults, Script, SimulatedDevice};
 use surgescope::record::session::live_test::live_devices;
 use surgescope::storage::{read, recover};
 
+use crate::speak::{self, Way};
 use crate::{Measured, ramp};
 
 const RATE_HZ: f64 = 2000.0;
 
-/// Kills a recorder so many times.
-pub fn run(count: usize, program: &str) -> Measured {
+/// Kills a recorder so many times: of a device on a pseudo-terminal, or of one that comes another way.
+pub fn run(count: usize, program: &str, way: Option<Way>) -> Measured {
     let (rig, playback) = (ramp::rig()?, ramp::playback(RATE_HZ, 30.0));
     let device = live_devices(&rig, &[])?.remove(0);
     let script = Script::new(&playback, &rig, &device)?;
@@ -21,16 +22,25 @@ pub fn run(count: usize, program: &str) -> Measured {
     let mut losses_ms = Vec::new();
     for index in 0..count {
         let folder = tempfile::tempdir()?;
-        let (rig_file, file) = (folder.path().join("rig.toml"), folder.path().join("run.mcap"));
-        std::fs::write(&rig_file, ramp::rig_text())?;
-        let mut line = SimulatedDevice::open()?;
-        let port = format!("daq={}", line.path().display());
+        let file = folder.path().join("run.mcap");
         let mut recorder = Command::new(program);
-        recorder.args(["record", "--port", &port, "--rig"]).arg(&rig_file).arg("-o").arg(&file);
-        let mut recorder = recorder.stdout(Stdio::null()).stderr(Stdio::null()).spawn()?;
-        // The device starts when the port is open; its first sample is taken now.
-        thread::sleep(Duration::from_millis(300));
-        line.start(script.clone(), 1.0, Faults::default())?;
+        recorder.args(["record", "--rig"]).arg(folder.path().join("rig.toml")).arg("-o").arg(&file);
+        recorder.stdout(Stdio::null()).stderr(Stdio::null());
+        let mut line = SimulatedDevice::open()?;
+        let mut recorder = match way {
+            Some(way) => {
+                speak::device(way, RATE_HZ, 30.0, folder.path())?;
+                recorder.spawn()?
+            }
+            None => {
+                std::fs::write(folder.path().join("rig.toml"), ramp::rig_text())?;
+                let recorder = recorder.arg("--port").arg(format!("daq={}", line.path().display())).spawn()?;
+                // The device starts when the port is open; its first sample is taken now.
+                thread::sleep(Duration::from_millis(300));
+                line.start(script.clone(), 1.0, Faults::default())?;
+                recorder
+            }
+        };
         let started = Instant::now();
         while !file.exists() {
             if started.elapsed() > Duration::from_secs(20) {
@@ -39,7 +49,10 @@ pub fn run(count: usize, program: &str) -> Measured {
             thread::sleep(Duration::from_millis(1));
         }
         thread::sleep(Duration::from_micros(dice.u64(50_000..1_500_000)));
-        let played_s = started.elapsed().as_secs_f64();
+        let played_s = match way {
+            Some(_) => speak::unix_s(SystemTime::now()) - speak::lives(folder.path())?[0],
+            None => started.elapsed().as_secs_f64(),
+        };
         recorder.kill()?;
         recorder.wait()?;
         line.stop()?;

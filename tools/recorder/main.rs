@@ -5,6 +5,9 @@
 //! cargo run --release -p surgescope-tools --bin recorder -- wire 20000 60 target/release/surgescope view   # with its live view on a terminal
 //! cargo run --release -p surgescope-tools --bin recorder -- memory 500000 30                          # frames made in this process
 //! cargo run --release -p surgescope-tools --bin recorder -- kills 200 target/release/surgescope       # kill -9 at random moments
+//! cargo run --release -p surgescope-tools --bin recorder -- through command 20000 60 target/release/surgescope   # a process as the device, or tcp
+//! cargo run --release -p surgescope-tools --bin recorder -- kills 40 target/release/surgescope command   # kill -9 with a process as the device, or tcp
+//! cargo run --release -p surgescope-tools --bin recorder -- lives 10 target/release/surgescope        # a process that dies ten times
 //! cargo run --release -p surgescope-tools --bin recorder -- device 100000 60 rig.toml                  # the device alone: plays after a line
 //! cargo run --release -p surgescope-tools --bin recorder -- check 100000 run.mcap                     # what was recorded of it
 //! cargo run --release -p surgescope-tools --bin recorder -- day 24 100                                # a day at 100 Hz, as fast as it goes
@@ -15,7 +18,9 @@
 mod day;
 mod device;
 mod kills;
+mod lives;
 mod ramp;
+mod speak;
 mod usage;
 mod wire;
 
@@ -42,14 +47,28 @@ fn main() -> ExitCode {
             .map_err(Into::into)
             .and_then(|(rate, seconds)| device::play(rate, seconds, rig_file)),
         ["check", rate, file] => number(rate).map_err(Into::into).and_then(|rate| device::check(rate, file)),
-        ["kills", count, program] => {
-            number(count).map_err(Into::into).and_then(|count| kills::run(count as usize, program))
+        ["kills", count, program, ref way @ ..] if way.len() < 2 => number(count)
+            .and_then(|count| Ok((count as usize, way.first().map(|way| way.parse()).transpose()?)))
+            .map_err(Into::into)
+            .and_then(|(count, way)| kills::run(count, program, way)),
+        ["through", way, rate, seconds, program] => way
+            .parse()
+            .and_then(|way| Ok((way, number(rate)?, number(seconds)?)))
+            .map_err(Into::into)
+            .and_then(|(way, rate, seconds)| wire::through(way, rate, seconds, program)),
+        ["lives", deaths, program] => {
+            number(deaths).map_err(Into::into).and_then(|deaths| lives::run(deaths as usize, program))
         }
+        // the device of the three above, started by the recorder
+        [word @ ("speak" | "die"), rate, seconds, started] => number(rate)
+            .and_then(|rate| Ok((rate, number(seconds)?)))
+            .map_err(Into::into)
+            .and_then(|(rate, seconds)| speak::run(rate, seconds, started, word == "die")),
         ["day", hours, rate] => number(hours)
             .and_then(|hours| Ok((hours, number(rate)?)))
             .map_err(Into::into)
             .and_then(|(hours, rate)| day::run(hours, rate)),
-        _ => Err("usage: recorder wire RATE_HZ SECONDS PROGRAM [view] | memory RATE_HZ SECONDS | kills COUNT PROGRAM | day HOURS RATE_HZ | \
+        _ => Err("usage: recorder wire RATE_HZ SECONDS PROGRAM [view] | memory RATE_HZ SECONDS | kills COUNT PROGRAM [command|tcp] | through command|tcp RATE_HZ SECONDS PROGRAM | lives DEATHS PROGRAM | day HOURS RATE_HZ | \
                 device RATE_HZ SECONDS RIG | check RATE_HZ FILE"
             .into()),
     };

@@ -41,7 +41,17 @@ pub fn rig() -> Result<Rig, surgescope::rig::RigError> {
 pub fn playback(rate_hz: f64, seconds: f64) -> Playback {
     let samples = (rate_hz * seconds) as i64;
     let ramp = |channel: usize| (channel, (0..samples).map(|index| f64::from(count(channel, index))).collect());
-    Playback { sample_period_ns: (1e9 / rate_hz) as u32, sensors: (0..CHANNELS).map(ramp).collect() }
+    Playback { sample_period_ns: period_ns(rate_hz), sensors: (0..CHANNELS).map(ramp).collect() }
+}
+
+/// Time from sample to sample, ns.
+pub fn period_ns(rate_hz: f64) -> u32 {
+    (1e9 / rate_hz) as u32
+}
+
+/// Samples of a frame: those of a hundredth of a second.
+pub fn samples_a_frame(rate_hz: f64) -> i64 {
+    (rate_hz / 100.0).max(1.0) as i64
 }
 
 /// The `index`-th frame, of a hundredth of a second or `at_least` samples.

@@ -10,6 +10,7 @@ use surgescope::record::devices::simulated::{Faults, Script, SimulatedDevice};
 use surgescope::record::devices::source::Sources;
 use surgescope::record::session::live_test::{Options, live_devices, record};
 
+use crate::speak::{self, Way};
 use crate::{Measured, ramp, usage};
 
 /// A simulated device in this process, the recorder in another; with its live view on a terminal, where it is to be viewed.
@@ -50,6 +51,32 @@ pub fn over_a_pseudoterminal(rate_hz: f64, seconds: f64, program: &str, viewed: 
         length as f64 / 1e6
     );
     println!("{}", String::from_utf8_lossy(&output.stdout).trim());
+    if samples == sent { Ok(()) } else { Err("samples are missing".into()) }
+}
+
+/// A device that is a process, or behind a socket of this process; the recorder in another.
+pub fn through(way: Way, rate_hz: f64, seconds: f64, program: &str) -> Measured {
+    let folder = tempfile::tempdir()?;
+    let (rig_file, file) = (folder.path().join("rig.toml"), folder.path().join("run.mcap"));
+    speak::device(way, rate_hz, seconds, folder.path())?;
+    let mut recorder = Command::new(program);
+    recorder.args(["record", "--json", "--wait", "0", "--rig"]).arg(&rig_file).arg("-o").arg(&file);
+    let output = recorder.stdout(Stdio::piped()).stderr(Stdio::null()).output()?;
+    // a process that the recorder started counts with it
+    let cpu_s = usage::children_cpu_s();
+    let summary: serde_json::Value = serde_json::from_slice(&output.stdout)?;
+    let samples = ramp::check_file(&file, ramp::period_ns(rate_hz))?;
+    let sent = (seconds * rate_hz) as usize;
+    println!(
+        "{rate_hz} Hz x {} for {seconds} s: {samples} of {sent} samples a channel, all right; exit code {:?}; CPU {cpu_s:.2} s = {:.1}% of a core, \
+         with finishing the file{}",
+        ramp::CHANNELS,
+        output.status.code(),
+        100.0 * cpu_s / seconds,
+        summary["devices"][0]["stderr"][0]
+            .as_str()
+            .map_or(String::new(), |own| format!(" and {own} of the device itself"))
+    );
     if samples == sent { Ok(()) } else { Err("samples are missing".into()) }
 }
 
@@ -98,7 +125,7 @@ pub fn in_this_process(rate_hz: f64, seconds: f64) -> Measured {
         let file = folder.path().join("run.mcap");
         let rig = ramp::rig()?;
         let device = live_devices(&rig, &[])?.remove(0);
-        let (period_ns, samples) = ((1e9 / rate_hz) as u32, (rate_hz / 100.0).max(1.0) as i64);
+        let (period_ns, samples) = (ramp::period_ns(rate_hz), ramp::samples_a_frame(rate_hz));
         let frames = (seconds * rate_hz) as i64 / samples;
         let pace = Pace::start(speed);
         let maker = Maker { period_ns, samples, frames, index: 0, pace, pending: io::Cursor::default() };

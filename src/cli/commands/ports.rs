@@ -1,4 +1,4 @@
-//! `surgescope ports`: the serial ports of this machine, and where a rig's devices are.
+//! `surgescope ports`: the serial ports of this machine, and whether a rig's devices are there.
 
 use std::path::{Path, PathBuf};
 
@@ -7,14 +7,15 @@ use serde_json::json;
 use crate::cli::console::document::say_document;
 use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::print::{say, say_text};
-use crate::record::devices::port::{PortInfo, list, open_port};
+use crate::record::devices::port::{PortInfo, list};
+use crate::record::devices::reader::check;
 use crate::record::session::live_test::live_devices;
 use crate::rig::{Device, Rig};
 
-/// List the serial ports, or check those of a rig's devices.
+/// List the serial ports, or check the ports, sockets and commands of a rig's devices.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Try to open the ports of this rig's devices; exit code 1 if one cannot be opened.
+    /// Try to open the ports of this rig's devices; exit code 1 if one cannot be opened. Commands are looked up, not started.
     #[arg(long, value_name = "RIG")]
     rig: Option<PathBuf>,
 }
@@ -28,17 +29,27 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let devices = args.rig.as_deref().map(tried).transpose()?.unwrap_or_default();
     let all_open = devices.iter().all(|(_, problem)| problem.is_none());
     if json {
-        let entry = |(device, problem): &Tried| json!({"name": device.name, "port": device.port, "problem": problem});
+        let entry = |(device, problem): &Tried| json!({"name": device.name, "port": shown(device), "problem": problem});
         let devices: Vec<_> = devices.iter().map(entry).collect();
         say_document(json!({"ports": ports, "devices": devices}))?;
     } else {
         say_text!(table(&ports));
         for (device, problem) in &devices {
-            let found = problem.as_deref().unwrap_or("can be opened");
-            say!("device '{}' on {}: {found}", device.name, device.port);
+            let found = match (problem, device.port.command()) {
+                (Some(problem), _) => problem,
+                (None, Some(_)) => "can be started (it was not)",
+                (None, None) => "can be opened",
+            };
+            let place = if device.port.command().is_some() { "by" } else { "on" };
+            say!("device '{}' {place} {}: {found}", device.name, device.port);
         }
     }
     Ok(if all_open { Outcome::Done } else { Outcome::No })
+}
+
+/// A port as the rig file has it; the words of a command as a shell would take them.
+fn shown(device: &Device) -> String {
+    device.port.command().map_or_else(|| device.port.to_string(), ToString::to_string)
 }
 
 /// A device, and what keeps its port from being opened.
@@ -48,7 +59,7 @@ type Tried = (Device, Option<String>);
 fn tried(rig: &Path) -> Result<Vec<Tried>, Box<dyn std::error::Error + Send + Sync>> {
     let devices = live_devices(&Rig::load(rig)?, &[])?;
     let with_problem = |device: Device| {
-        let problem = open_port(&device).err().map(|error| error.to_string());
+        let problem = check(&device).err().map(|error| error.to_string());
         (device, problem)
     };
     Ok(devices.into_iter().map(with_problem).collect())

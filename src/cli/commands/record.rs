@@ -57,8 +57,8 @@ pub struct Args {
     /// Stop after this recorded time, in seconds.
     #[arg(long, value_name = "S", value_parser = positive, allow_negative_numbers = true)]
     duration: Option<f64>,
-    /// Use this port for a device instead of the rig file's.
-    #[arg(long, value_name = "NAME=PATH", value_parser = pair, conflicts_with = "paced")]
+    /// Use this port for a device instead of the rig file's: a path, or tcp://HOST:PORT.
+    #[arg(long, value_name = "NAME=PORT", value_parser = pair, conflicts_with = "paced")]
     port: Vec<(String, String)>,
     /// Play a recording or a CSV as if it were live.
     #[arg(long, value_name = "FILE")]
@@ -240,7 +240,10 @@ fn record_live(
     let devices = live_devices(rig, &args.port)?;
     coarse_counts(rig).iter().for_each(|f| tell_warning!("{}: {}", f.subject, f.message));
     let sources = Sources::open(rig, &devices, args.wait > 0.0)?;
-    let listening = devices.iter().map(|device| format!("listening to device '{}' on {}", device.name, device.port));
+    let listening = devices.iter().map(|device| match device.port.command() {
+        Some(_) => format!("device '{}' is the command {}, which was started", device.name, device.port),
+        None => format!("listening to device '{}' on {}", device.name, device.port),
+    });
     tell_first(listening.chain(["Ctrl-C ends the recording".to_owned()]).collect());
     Ok(session::record(rig, &sources, options, &STOP, report)?)
 }

@@ -78,7 +78,7 @@ fn describe(text: &mut String, device: &DeviceCount) -> std::fmt::Result {
     }
     for (count, what) in [
         (device.late_answers, "answers came after their time-out and were discarded"),
-        (device.reconnects, "times its port vanished and came back"),
+        (device.reconnects, "times it vanished and came back"),
         (device.restarts, "times it restarted"),
         (device.clock_steps, "times its clock was set; its samples stay in sequence"),
         (device.squeezed_frames, "frames began before the previous one ended; their samples are closer together"),

@@ -1,5 +1,7 @@
 //! Acquisition devices and the wiring of sensors to their channels.
 
+use std::path::PathBuf;
+
 /// Which channel of which device carries a sensor, and its calibration.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Wiring {
@@ -47,25 +49,114 @@ impl Encoding {
     }
 }
 
-/// An acquisition device on a serial port.
+/// An acquisition device: a source of bytes, and what they say.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Device {
     /// Its name.
     pub name: String,
-    /// Port path.
-    pub port: String,
-    /// Baud rate.
-    pub baud: u32,
-    /// Format of a character on the line.
-    pub framing: Framing,
+    /// Where its bytes come from.
+    pub port: Port,
     /// Its wire protocol.
     pub protocol: Protocol,
 }
 
 impl Device {
-    /// Baud rate and format of its line, as in `115200 baud 8N1`.
+    /// The device on a pseudo-terminal instead. That has no speed of its own: any will do where the port has none.
+    pub fn on_pseudoterminal(self, path: &str) -> Device {
+        let any = || Port::Serial(Serial { path: path.to_owned(), baud: 921_600, framing: Framing::default() });
+        Device { port: self.port.at_path(path).unwrap_or_else(any), ..self }
+    }
+}
+
+/// Where a device's bytes come from. Shown as a person would name it: `/dev/ttyUSB0`, `tcp://10.0.0.5:5025`, `python3 daq.py`.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Port {
+    /// A serial port, or a pseudo-terminal.
+    Serial(Serial),
+    /// A socket: `HOST:PORT`.
+    Tcp(String),
+    /// The standard output of a process.
+    Command(Command),
+}
+
+/// What stands before the address of a socket.
+const TCP: &str = "tcp://";
+
+impl Port {
+    /// The socket that a text such as `tcp://10.0.0.5:5025` names; `None` for any other text.
+    ///
+    /// # Errors
+    /// What the address lacks.
+    pub fn tcp(text: &str) -> Option<Result<Port, String>> {
+        let address = text.strip_prefix(TCP)?;
+        let parts = address.rsplit_once(':').filter(|(host, _)| {
+            let numeric = host.starts_with('[') && host.ends_with(']') && host.len() > 2;
+            numeric || !(host.is_empty() || host.contains(['/', ':', ' ', '[', ']']))
+        });
+        let is_whole = parts.is_some_and(|(_, port)| port.parse::<u16>().is_ok_and(|port| port > 0));
+        let wrong =
+            || format!("\"{text}\" is no address of a socket: write tcp://HOST:PORT, such as tcp://10.0.0.5:5025");
+        Some(is_whole.then(|| Port::Tcp(address.to_owned())).ok_or_else(wrong))
+    }
+
+    /// A serial port at this path, with the speed and format of this one; `None` where this one has none.
+    pub fn at_path(&self, path: &str) -> Option<Port> {
+        let Port::Serial(serial) = self else { return None };
+        Some(Port::Serial(Serial { path: path.to_owned(), ..serial.clone() }))
+    }
+
+    /// The command, of a device that is a process.
+    pub fn command(&self) -> Option<&Command> {
+        if let Port::Command(command) = self { Some(command) } else { None }
+    }
+}
+
+impl std::fmt::Display for Port {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Port::Serial(serial) => f.write_str(&serial.path),
+            Port::Tcp(address) => write!(f, "{TCP}{address}"),
+            Port::Command(command) => write!(f, "`{command}`"),
+        }
+    }
+}
+
+/// A serial port.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Serial {
+    /// Its path.
+    pub path: String,
+    /// Baud rate.
+    pub baud: u32,
+    /// Format of a character on the line.
+    pub framing: Framing,
+}
+
+impl Serial {
+    /// Baud rate and format of the line, as in `115200 baud 8N1`.
     pub fn speed(&self) -> String {
         format!("{} baud {}", self.baud, self.framing)
+    }
+}
+
+/// A program and its arguments; shown as a shell would take it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Command {
+    /// The program, then its arguments; at least one.
+    pub words: Vec<String>,
+    /// The folder of the rig file, in which it is started. A rig that did not come from a file of this computer, such as that of a
+    /// recording, has none: its commands are never started.
+    pub folder: Option<PathBuf>,
+}
+
+impl std::fmt::Display for Command {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let plain = |c: char| c.is_alphanumeric() || "-_./=:,+@%".contains(c);
+        let quoted = |word: &String| match word.is_empty() || !word.chars().all(plain) {
+            true => format!("'{}'", word.replace('\'', "'\\''")),
+            false => word.clone(),
+        };
+        f.write_str(&self.words.iter().map(quoted).collect::<Vec<_>>().join(" "))
     }
 }
 

@@ -1,14 +1,17 @@
-//! Live recording in a rig file: devices on serial ports and the wiring of sensors to their channels.
+//! Live recording in a rig file: devices and the wiring of sensors to their channels.
 
 use std::collections::HashMap;
 
-use crate::rig::device::{Device, Encoding, Framing, Parity, Protocol, Register, TimeUnit, Wiring};
+use crate::rig::device::{
+    Command, Device, Encoding, Framing, Parity, Port, Protocol, Register, Serial, TimeUnit, Wiring,
+};
 use crate::rig::table::{FINITE, NOT_ZERO, POSITIVE, Section, nearest};
 use crate::rig::unique::Names;
 
 pub(crate) const DEVICE_KEYS: &[&str] = &[
     "name",
     "port",
+    "command",
     "baud",
     "data_bits",
     "parity",
@@ -19,6 +22,8 @@ pub(crate) const DEVICE_KEYS: &[&str] = &[
     "timeout_s",
     "time_unit",
 ];
+/// Keys of `[[device]]` for serial ports only.
+const SERIAL: [&str; 4] = ["baud", "data_bits", "parity", "stop_bits"];
 /// Keys of `[[device]]` for `modbus-rtu` only.
 const MODBUS_DEVICE: [&str; 3] = ["unit_id", "poll_interval_s", "timeout_s"];
 /// Keys of `[[sensor]]` for `modbus-rtu` only.
@@ -47,11 +52,9 @@ pub(crate) fn read_devices(sections: &[Section<'_>]) -> Vec<(String, Option<Devi
 fn read_device(section: &Section<'_>, names: &mut Names) -> Option<Device> {
     let name = section.required_text("name", "the device's name");
     names.check(section, name.as_ref());
-    let port = section.required_text("port", "the path of its serial port, e.g. \"/dev/ttyUSB0\"");
-    let baud = section.required("baud", "the port's speed, e.g. 115200", section.integer("baud", 50, 20_000_000));
     let speaks = [("frames", Speaks::Frames), ("lines", Speaks::Lines), ("modbus-rtu", Speaks::Modbus)];
     let speaks = section.required_choice("protocol", &speaks).map(|s| s.value);
-    let framing = read_framing(section, speaks);
+    let port = read_port(section, speaks);
     let unit_id = section.integer("unit_id", 1, 247).unwrap_or(1) as u8;
     let poll_interval_s = section.number("poll_interval_s", &POSITIVE).unwrap_or(0.1);
     let timeout_s = section.number("timeout_s", &POSITIVE).unwrap_or(0.2);
@@ -69,7 +72,52 @@ fn read_device(section: &Section<'_>, names: &mut Names) -> Option<Device> {
         Speaks::Lines => Protocol::Lines { time_unit },
         Speaks::Modbus => Protocol::ModbusRtu { unit_id, poll_interval_s, timeout_s },
     };
-    Some(Device { name: name?.value.to_owned(), port: port?.value.to_owned(), baud: baud? as u32, framing, protocol })
+    Some(Device { name: name?.value.to_owned(), port: port?, protocol })
+}
+
+/// A serial port, a socket or a command.
+fn read_port(section: &Section<'_>, speaks: Option<Speaks>) -> Option<Port> {
+    let Some(place) = section.place_of("command") else {
+        let words = "the path of its serial port, e.g. \"/dev/ttyUSB0\", or \"tcp://HOST:PORT\"; a device that is a program has \
+                     'command' instead";
+        let port = section.required_text("port", words);
+        let Some((port, tcp)) = port.as_ref().and_then(|port| Some((port, Port::tcp(port.value)?))) else {
+            return read_serial(section, port.map(|port| port.value), speaks);
+        };
+        not_serial(section, speaks, "a socket");
+        return tcp.map_err(|wrong| section.fault_at(&port.place, wrong)).ok();
+    };
+    if let Some(port) = section.place_of("port") {
+        section.fault_at(&port, "give 'port' or 'command', not both");
+    }
+    not_serial(section, speaks, "a command");
+    let words = section
+        .words("command", "a list of texts of one line each, the program first, e.g. [\"python3\", \"daq.py\"]")?;
+    if words.first().is_some_and(|program| program.trim().is_empty()) {
+        section.fault_at(&place, "'command' names no program: its first text is empty");
+        return None;
+    }
+    Some(Port::Command(Command { words, folder: None }))
+}
+
+fn read_serial(section: &Section<'_>, path: Option<&str>, speaks: Option<Speaks>) -> Option<Port> {
+    let baud = section.required("baud", "the port's speed, e.g. 115200", section.integer("baud", 50, 20_000_000));
+    let framing = read_framing(section, speaks);
+    Some(Port::Serial(Serial { path: path?.to_owned(), baud: baud? as u32, framing }))
+}
+
+/// What only a serial line has is refused of another source.
+fn not_serial(section: &Section<'_>, speaks: Option<Speaks>, what: &str) {
+    for (key, place) in SERIAL.iter().filter_map(|key| Some((key, section.place_of(key)?))) {
+        section.fault_at(&place, format!("'{key}' is for serial ports only, and {what} is none; leave it out"));
+    }
+    if let (Some(Speaks::Modbus), Some(place)) = (speaks, section.place_of("protocol")) {
+        let message = format!(
+            "modbus-rtu needs a serial port: it tells messages apart by pauses on the line, which {what} does not keep; \
+             a program that polls the device can speak \"lines\""
+        );
+        section.fault_at(&place, message);
+    }
 }
 
 /// Format of a character. Only text can be sent with seven bits.

@@ -34,7 +34,9 @@ pub(crate) mod unique;
 pub(crate) mod wall;
 pub mod water;
 
-pub use crate::rig::device::{Device, Encoding, Framing, Parity, Protocol, Register, TimeUnit, Wiring};
+pub use crate::rig::device::{
+    Command, Device, Encoding, Framing, Parity, Port, Protocol, Register, Serial, TimeUnit, Wiring,
+};
 pub use crate::rig::error::{Problem, RigError};
 pub use crate::rig::friction::{
     CERTAINLY_LAMINAR_REYNOLDS, LAMINAR_REYNOLDS, Regime, darcy_friction_factor, turbulent_friction_factor,

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use toml::de::{DeTable, DeValue};
 
+use crate::rig::device::Port;
 use crate::rig::error::RigError;
 use crate::rig::table::Limits;
 use crate::rig::table::{FINITE, NOT_NEGATIVE, POSITIVE, Section, Source, nearest};
@@ -64,7 +65,15 @@ impl Rig {
     /// Reads a rig file. Errors give the path as the caller wrote it.
     pub fn load(path: &Path) -> Result<Rig, RigError> {
         let text = read_text(path).map_err(|source| RigError::Read { path: path.into(), source })?;
-        Rig::from_toml(&text, &path.shown())
+        let mut rig = Rig::from_toml(&text, &path.shown())?;
+        // a file of this computer says where its commands are at home
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        for device in &mut rig.devices {
+            if let Port::Command(command) = &mut device.port {
+                command.folder = Some(folder.to_owned());
+            }
+        }
+        Ok(rig)
     }
 
     /// Reads the text of a rig file; errors name the file `file_name`.

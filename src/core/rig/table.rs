@@ -259,6 +259,19 @@ impl<'a> Section<'a> {
         }
     }
 
+    /// An optional list of texts, at least one, each of which a terminal can show.
+    pub fn words(&self, key: &str, words: &str) -> Option<Vec<String>> {
+        let value = self.get(key)?;
+        let shows = |text: &str| !text.chars().any(controls);
+        let text = |item: &Spanned<DeValue<'_>>| item.get_ref().as_str().filter(|text| shows(text)).map(str::to_owned);
+        let found: Option<Vec<String>> = value.get_ref().as_array().and_then(|all| all.iter().map(text).collect());
+        let found = found.filter(|all| !all.is_empty());
+        if found.is_none() {
+            self.wrong(key, value, words);
+        }
+        found
+    }
+
     /// The text of a key, whatever it is; reports nothing.
     pub fn peek_text(&self, key: &str) -> Option<&'a str> {
         self.get(key)?.get_ref().as_str()

@@ -50,6 +50,15 @@ pub struct DeviceCount {
     /// It began so much later than the recording, s, where that is more than its rhythm.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub began_late_s: Option<f64>,
+    /// The last lines that it said to people, of a device that is a process.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub stderr: Vec<String>,
+    /// How many lines there were.
+    #[serde(skip)]
+    pub said: u64,
+    /// What of them is not among the notes.
+    #[serde(skip)]
+    pub said_more: Option<String>,
     /// Its clock against this computer's.
     pub clock: Option<ClockSummary>,
     /// Why polls of it fell out, and what to do.
@@ -110,6 +119,7 @@ impl DeviceCount {
         ];
         notes.extend(seldom.into_iter().filter(|(_, count)| *count > 0).map(|(what, count)| (what, count.to_string())));
         notes.extend(self.began_late_s.map(|late_s| ("began_late_s", format!("{late_s:.3}"))));
+        notes.extend(self.said_more.iter().map(|more| ("stderr", more.clone())));
         if let Some(clock) = &self.clock {
             notes.push(("clock", clock.to_string()));
         }

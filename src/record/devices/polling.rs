@@ -4,13 +4,14 @@ use std::io;
 use std::thread;
 use std::time::{Duration, Instant};
 
+use crate::record::devices::backoff::Backoff;
 use crate::record::devices::bus::{Tap, taps};
 use crate::record::devices::loopback::Loopback;
 use crate::record::devices::poll::{Outcome, PollCounts, Poller};
 use crate::record::devices::port::SerialLine;
 use crate::record::devices::queue::{Input, Polled, Queue, why};
 use crate::record::wire::registers::{Group, Place, alternate, group, value};
-use crate::rig::{Device, Protocol, Rig};
+use crate::rig::{Device, Port, Protocol, Rig, Serial};
 
 /// How long the thread sleeps before it looks whether it is still wanted.
 const NAP: Duration = Duration::from_millis(50);
@@ -62,7 +63,7 @@ pub struct Asked {
 }
 
 /// Asks the slaves of a line in turn until nothing is wanted any more, or the port is gone for good.
-pub fn run(line: SerialLine, asked: Vec<Asked>, again: Option<&Device>) {
+pub fn run(line: SerialLine, asked: Vec<Asked>, again: Option<(&str, &Serial)>) {
     let units: Vec<u8> = asked.iter().map(|asked| asked.polling.unit).collect();
     let turn = |(asked, line): (Asked, Tap<Loopback<SerialLine>>)| {
         let poller = Poller::new(line, asked.polling.unit, asked.polling.timeout);
@@ -80,13 +81,15 @@ pub fn run(line: SerialLine, asked: Vec<Asked>, again: Option<&Device>) {
                 other.asked.queue.send(input(reason.clone()));
             }
         };
-        let Some(device) = again else {
+        let Some((device, serial)) = again else {
             tell(Input::Ended);
             first.asked.queue.send(Input::Ended(reason));
             return;
         };
         tell(Input::Vanished);
-        let Some(line) = first.asked.queue.reopen(reason.clone(), || SerialLine::open(device).ok()) else { return };
+        let backoff = &mut Backoff::of(&Port::Serial(serial.clone()));
+        let reopened = first.asked.queue.reopen(reason.clone(), backoff, || SerialLine::open(device, serial).ok());
+        let Some(line) = reopened else { return };
         tell(|_| Input::Back);
         turns =
             turns.into_iter().zip(taps(Loopback::new(line), &units)).map(|(turn, line)| turn.reopened(line)).collect();

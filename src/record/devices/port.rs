@@ -10,10 +10,10 @@ use serialport::{SerialPort, SerialPortType};
 
 use crate::record::devices::poll::Line;
 use crate::record::error::RecordError;
-use crate::rig::{Device, Framing, Parity};
+use crate::rig::{Framing, Parity, Serial};
 
 /// How long a read waits before its thread looks whether it is still wanted.
-const READ_TIMEOUT: Duration = Duration::from_millis(100);
+pub(super) const READ_TIMEOUT: Duration = Duration::from_millis(100);
 
 /// A port of this machine.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -78,8 +78,8 @@ pub struct SerialLine {
 
 impl SerialLine {
     /// The port that the device is on.
-    pub fn open(device: &Device) -> Result<SerialLine, RecordError> {
-        Ok(SerialLine { port: open_port(device)?, silence: silence(device.baud), last_byte: None })
+    pub fn open(device: &str, serial: &Serial) -> Result<SerialLine, RecordError> {
+        Ok(SerialLine { port: open_port(device, serial)?, silence: silence(serial.baud), last_byte: None })
     }
 }
 
@@ -112,9 +112,9 @@ impl Line for SerialLine {
     }
 }
 
-/// Opens the device's port, a serial one or a pseudo-terminal.
-pub fn open_port(device: &Device) -> Result<Box<dyn serialport::SerialPort>, RecordError> {
-    let Framing { data_bits, parity, stop_bits } = device.framing;
+/// Opens the port of the device of that name, a serial one or a pseudo-terminal.
+pub fn open_port(device: &str, serial: &Serial) -> Result<Box<dyn SerialPort>, RecordError> {
+    let Framing { data_bits, parity, stop_bits } = serial.framing;
     let data_bits = if data_bits == 7 { serialport::DataBits::Seven } else { serialport::DataBits::Eight };
     let stop_bits = if stop_bits == 2 { serialport::StopBits::Two } else { serialport::StopBits::One };
     let parity = match parity {
@@ -123,18 +123,18 @@ pub fn open_port(device: &Device) -> Result<Box<dyn serialport::SerialPort>, Rec
         Parity::Odd => serialport::Parity::Odd,
     };
     let open = |baud| {
-        let port = serialport::new(&device.port, baud).data_bits(data_bits).parity(parity).stop_bits(stop_bits);
+        let port = serialport::new(&serial.path, baud).data_bits(data_bits).parity(parity).stop_bits(stop_bits);
         port.timeout(READ_TIMEOUT).open()
     };
     // It may be named by a link.
-    let real = std::fs::canonicalize(&device.port);
+    let real = std::fs::canonicalize(&serial.path);
     let pseudoterminal = real.is_ok_and(|path| path.starts_with("/dev/pts/"));
-    let opened = match open(device.baud) {
+    let opened = match open(serial.baud) {
         // A pseudo-terminal has no baud rate, and may refuse an odd one.
         Err(error) if pseudoterminal && !is_final(&error) => open(9600),
         opened => opened,
     };
-    opened.map_err(|error| explain(device, &error))
+    opened.map_err(|error| explain(device, serial, &error))
 }
 
 fn is_final(error: &serialport::Error) -> bool {
@@ -142,9 +142,9 @@ fn is_final(error: &serialport::Error) -> bool {
     matches!(error.kind, NoDevice | Io(ErrorKind::NotFound | ErrorKind::PermissionDenied))
 }
 
-fn explain(device: &Device, error: &serialport::Error) -> RecordError {
+fn explain(device: &str, serial: &Serial, error: &serialport::Error) -> RecordError {
     use serialport::ErrorKind::{Io, NoDevice};
-    let (name, port) = (device.name.clone(), device.port.clone());
+    let (name, port) = (device.to_owned(), serial.path.clone());
     match error.kind {
         _ if !std::path::Path::new(&port).exists() => {
             let ports: Vec<_> = list().into_iter().map(|port| port.path).collect();
@@ -157,22 +157,20 @@ fn explain(device: &Device, error: &serialport::Error) -> RecordError {
         }
         Io(ErrorKind::PermissionDenied) => RecordError::PortForbidden { device: name, port },
         NoDevice => RecordError::PortBusy { device: name, port },
-        _ => RecordError::PortUnusable { device: name, port, speed: device.speed(), reason: error.description.clone() },
+        _ => RecordError::PortUnusable { device: name, port, speed: serial.speed(), reason: error.description.clone() },
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rig::Protocol;
 
-    fn device(port: &str) -> Device {
-        let framing = Framing::default();
-        Device { name: "daq".into(), port: port.into(), baud: 921_600, framing, protocol: Protocol::Frames }
+    fn serial(path: &str) -> Serial {
+        Serial { path: path.into(), baud: 921_600, framing: Framing::default() }
     }
 
     fn refusal(port: &str) -> String {
-        open_port(&device(port)).map(drop).unwrap_err().to_string()
+        open_port("daq", &serial(port)).map(drop).unwrap_err().to_string()
     }
 
     #[test]
@@ -196,7 +194,7 @@ mod tests {
         use nix::sys::termios::{ControlFlags, InputFlags, tcgetattr};
         let flags = |framing: Framing| {
             let line = crate::record::devices::simulated::SimulatedDevice::open().unwrap();
-            let port = open_port(&Device { framing, ..device(line.path().to_str().unwrap()) }).unwrap();
+            let port = open_port("daq", &Serial { framing, ..serial(line.path().to_str().unwrap()) }).unwrap();
             let modes = tcgetattr(std::fs::File::open(line.path()).unwrap()).unwrap();
             drop(port);
             let has = |flag| modes.control_flags.contains(flag);

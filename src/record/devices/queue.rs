@@ -8,12 +8,13 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use crate::record::clock::host_clock::HostClock;
+use crate::record::devices::backoff::Backoff;
 use crate::record::devices::poll::PollCounts;
 
 /// Messages that may wait for the session: seconds of several fast devices, at most 64 MiB.
 pub(crate) const QUEUE: usize = 4096;
-/// How often a port that has vanished is tried again.
-const RETRY_EVERY: Duration = Duration::from_millis(200);
+/// How long a thread that waits sleeps before it looks whether it is still wanted.
+const NAP: Duration = Duration::from_millis(50);
 
 /// What a device's thread passes on.
 #[derive(Debug)]
@@ -27,6 +28,13 @@ pub enum Input {
     },
     /// What became of a poll.
     Polled(Polled),
+    /// A message of the device for people, and when it came on the host's clock.
+    Said {
+        /// Time of its arrival, ns.
+        at_ns: i64,
+        /// A line of text.
+        text: String,
+    },
     /// The port is gone, and why; it is tried again.
     Vanished(String),
     /// It is back.
@@ -52,6 +60,7 @@ impl Pressure {
 }
 
 /// A thread's end of the queue.
+#[derive(Clone)]
 pub struct Queue {
     pub(super) device: usize,
     pub(super) sender: SyncSender<(usize, Input)>,
@@ -84,17 +93,22 @@ impl Queue {
     }
 
     /// Reports the lost port and tries to open it again until it is back; `None` when nothing is wanted any more.
-    pub fn reopen<T>(&self, why: String, mut open: impl FnMut() -> Option<T>) -> Option<T> {
+    pub fn reopen<T>(&self, why: String, backoff: &mut Backoff, mut open: impl FnMut() -> Option<T>) -> Option<T> {
         if !self.send(Input::Vanished(why)) {
             return None;
         }
-        while self.wanted() {
-            thread::sleep(RETRY_EVERY);
+        loop {
+            let until = Instant::now() + backoff.wait();
+            while let Some(left) = until.checked_duration_since(Instant::now()).filter(|left| !left.is_zero()) {
+                if !self.wanted() {
+                    return None;
+                }
+                thread::sleep(left.min(NAP));
+            }
             if let Some(port) = open() {
                 return self.send(Input::Back).then_some(port);
             }
         }
-        None
     }
 }
 
@@ -116,6 +130,8 @@ pub struct Polled {
 pub fn why(error: &std::io::Error) -> String {
     match error.kind() {
         ErrorKind::BrokenPipe | ErrorKind::UnexpectedEof => "the device hung up".to_owned(),
+        // said by a socket or a process, in a whole sentence
+        ErrorKind::Other if error.get_ref().is_some() => error.to_string(),
         _ => format!("the port vanished: {error}"),
     }
 }

@@ -1,4 +1,4 @@
-//! Reads the devices: one thread per port (Modbus slaves may share one), all into one bounded queue.
+//! Reads the devices: one thread per port, socket or process (Modbus slaves may share one), all into one bounded queue.
 //!
 //! A blocking thread hands bytes on in 0.1 ms where an async serial port on a busy runtime needs 8 ms. Where the queue is full (the disk
 //! stalls) a thread waits, and how often and how long is counted; then the kernel's buffer may overflow, and
@@ -12,12 +12,14 @@ use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 use crate::record::clock::host_clock::HostClock;
+use crate::record::devices::backoff::Backoff;
 use crate::record::devices::polling;
 use crate::record::devices::polling::{Asked, Polling};
-use crate::record::devices::port::{SerialLine, open_port};
+use crate::record::devices::port::SerialLine;
 use crate::record::devices::queue::{Input, Pressure, QUEUE, Queue, why};
+use crate::record::devices::reader::{self, Reader};
 use crate::record::error::RecordError;
-use crate::rig::{Device, Protocol, Rig};
+use crate::rig::{Device, Port, Protocol, Rig};
 
 const READ_BYTES: usize = 16 * 1024;
 
@@ -40,23 +42,29 @@ impl Sources {
     pub fn open(rig: &Rig, devices: &[Device], reopen: bool) -> Result<Sources, RecordError> {
         let (mut sources, sender) = Sources::empty();
         for (index, device) in devices.iter().enumerate() {
-            if devices[..index].iter().any(|other| other.port == device.port) {
-                continue; // asked together with the first on its line
-            }
-            let again = reopen.then(|| device.clone());
-            match device.protocol {
-                Protocol::ModbusRtu { .. } => {
-                    let line = SerialLine::open(device)?;
+            match (&device.protocol, &device.port) {
+                (Protocol::ModbusRtu { .. }, Port::Serial(serial)) => {
+                    if devices[..index].iter().any(|other| other.port == device.port) {
+                        continue; // asked together with the first on its line
+                    }
+                    let line = SerialLine::open(&device.name, serial)?;
                     let slaves = devices.iter().filter(|other| other.port == device.port);
                     let asked =
                         |slave| Asked { polling: Polling::of(rig, slave), queue: sources.queue(&sender, slave) };
                     let asked: Vec<Asked> = slaves.map(asked).collect();
-                    sources.spawn(device, move || polling::run(line, asked, again.as_ref()))?;
+                    let (name, serial) = (device.name.clone(), serial.clone());
+                    sources.spawn(device, move || {
+                        polling::run(line, asked, reopen.then_some((name.as_str(), &serial)));
+                    })?;
                 }
-                Protocol::Frames | Protocol::Lines { .. } => {
-                    let port = open_port(device)?;
+                (Protocol::ModbusRtu { .. }, _) => {
+                    return Err(RecordError::NotSerial { device: device.name.clone(), port: device.port.to_string() });
+                }
+                (Protocol::Frames | Protocol::Lines { .. }, _) => {
                     let queue = sources.queue(&sender, device);
-                    sources.spawn(device, move || pump(port, again.as_ref(), &queue))?;
+                    let reader = reader::open(device, &queue)?;
+                    let own = device.clone();
+                    sources.spawn(device, move || pump(reader, &own, reopen, &queue))?;
                 }
             }
         }
@@ -67,7 +75,8 @@ impl Sources {
     pub fn reading(device: &Device, reader: impl Read + Send + 'static) -> Result<Sources, RecordError> {
         let (mut sources, sender) = Sources::empty();
         let queue = sources.queue(&sender, device);
-        sources.spawn(device, move || pump(reader, None, &queue))?;
+        let own = device.clone();
+        sources.spawn(device, move || pump(Box::new(reader), &own, false, &queue))?;
         Ok(sources)
     }
 
@@ -147,32 +156,50 @@ impl Drop for Sources {
     }
 }
 
-/// Reads until the stream ends; a port is opened again where `again` says which.
-fn pump(reader: impl Read + Send + 'static, again: Option<&Device>, queue: &Queue) {
-    let mut reader: Box<dyn Read + Send> = Box::new(reader);
+/// Reads until the stream ends; then the device is opened again where that is wanted. Not so a command that is done, or that failed before
+/// it ever sent anything: that fails again.
+fn pump(mut reader: Reader, device: &Device, reopen: bool, queue: &Queue) {
+    let is_command = device.port.command().is_some();
+    let mut ever_sent = false;
+    let mut backoff = Backoff::of(&device.port);
     loop {
-        let Some(why) = read(&mut *reader, queue) else { return };
-        let Some(device) = again else {
+        let Some(End { why, sent, done }) = read(&mut *reader, queue) else { return };
+        ever_sent |= sent;
+        if !reopen || (is_command && (done || !ever_sent)) {
             // The session may have ended meanwhile.
-            queue.send(Input::Ended(why));
+            queue.send(Input::Ended(if is_command && done { "the command has ended".to_owned() } else { why }));
             return;
-        };
+        }
         drop(reader);
-        let Some(port) = queue.reopen(why, || open_port(device).ok()) else { return };
-        reader = Box::new(port);
+        if sent {
+            backoff.reset();
+        }
+        let Some(again) = queue.reopen(why, &mut backoff, || reader::open(device, queue).ok()) else { return };
+        reader = again;
     }
 }
 
-/// Reads until the stream ends and says why; `None` when nothing is wanted any more.
-fn read(reader: &mut dyn Read, queue: &Queue) -> Option<String> {
+/// How a stream ended.
+struct End {
+    why: String,
+    /// Something had come from it.
+    sent: bool,
+    /// It was no fault.
+    done: bool,
+}
+
+/// Reads until the stream ends; `None` when nothing is wanted any more.
+fn read(reader: &mut dyn Read, queue: &Queue) -> Option<End> {
     let mut buffer = vec![0; READ_BYTES];
+    let mut sent = false;
     loop {
         if !queue.wanted() {
             return None;
         }
         match reader.read(&mut buffer) {
-            Ok(0) => return Some("the stream ended".to_owned()),
+            Ok(0) => return Some(End { why: "the stream ended".to_owned(), sent, done: true }),
             Ok(length) => {
+                sent = true;
                 let bytes = buffer.get(..length).unwrap_or_default().to_vec();
                 if !queue.send(Input::Bytes { at_ns: queue.host.now_ns(), bytes }) {
                     return None;
@@ -180,7 +207,7 @@ fn read(reader: &mut dyn Read, queue: &Queue) -> Option<String> {
             }
             Err(error) => match error.kind() {
                 ErrorKind::TimedOut | ErrorKind::Interrupted | ErrorKind::WouldBlock => {}
-                _ => return Some(why(&error)),
+                _ => return Some(End { why: why(&error), sent, done: false }),
             },
         }
     }
@@ -192,8 +219,7 @@ mod tests {
     use std::time::Instant;
 
     fn device() -> Device {
-        let framing = crate::rig::Framing::default();
-        Device { name: "daq".into(), port: "/dev/null".into(), baud: 921_600, framing, protocol: Protocol::Frames }
+        Device { name: "daq".into(), port: Port::Tcp("daq:1".into()), protocol: Protocol::Frames }
     }
 
     #[test]

@@ -16,7 +16,7 @@ use crate::record::session::session_log::Live;
 use crate::record::session::stream::line::check_unit;
 use crate::record::session::stream::{self, ON_ITS_WAY, State, Stream, count};
 use crate::recording::Gap;
-use crate::rig::{Device, Protocol, Rig};
+use crate::rig::{Device, Port, Protocol, Rig};
 use crate::storage::Retimer;
 
 /// How long the session waits for input before it looks at the clock and the stop flag, and flushes.
@@ -44,20 +44,29 @@ pub fn live_devices(rig: &Rig, ports: &[(String, String)]) -> Result<Vec<Device>
     for (name, path) in ports {
         let known = || devices.iter().map(|device| device.name.clone()).collect::<Vec<_>>().join(", ");
         let unknown = RecordError::UnknownPort { name: name.clone(), known: known() };
-        devices.iter_mut().find(|device| device.name == *name).ok_or(unknown)?.port.clone_from(path);
+        let device = devices.iter_mut().find(|device| device.name == *name).ok_or(unknown)?;
+        let no_baud = || RecordError::NoBaud { device: name.clone(), path: path.clone() };
+        device.port = match Port::tcp(path) {
+            Some(tcp) => tcp.map_err(RecordError::BadAddress)?,
+            None => device.port.at_path(path).ok_or_else(no_baud)?,
+        };
     }
     for (index, device) in devices.iter().enumerate() {
-        for other in devices[..index].iter().filter(|other| other.port == device.port) {
+        for other in &devices[..index] {
             check_shared(other, device)?;
         }
     }
     Ok(devices)
 }
 
-/// Modbus slaves share a line where each has a number of its own.
+/// Modbus slaves share a line where each has a number of its own; nothing else shares a port. A command may be started twice.
 fn check_shared(first: &Device, second: &Device) -> Result<(), RecordError> {
-    let (one, other) = (first.speed(), second.speed());
-    let (first_name, second_name, port) = (first.name.clone(), second.name.clone(), second.port.clone());
+    let (one, other) = match (&first.port, &second.port) {
+        (Port::Serial(one), Port::Serial(other)) if one.path == other.path => (one.speed(), other.speed()),
+        (Port::Tcp(one), Port::Tcp(other)) if one == other => (String::new(), String::new()),
+        _ => return Ok(()),
+    };
+    let (first_name, second_name, port) = (first.name.clone(), second.name.clone(), second.port.to_string());
     match (&first.protocol, &second.protocol) {
         (Protocol::ModbusRtu { unit_id: unit, .. }, Protocol::ModbusRtu { unit_id, .. }) if unit == unit_id => {
             Err(RecordError::SameUnit { first: first_name, second: second_name, port, unit: *unit })
@@ -151,6 +160,7 @@ fn take_waiting(sources: &Sources, streams: &mut [Stream<'_>], live: &mut Live<'
         let at_ns = match &input {
             Input::Bytes { at_ns, .. } => *at_ns,
             Input::Polled(polled) => polled.at_ns,
+            Input::Said { at_ns, .. } => *at_ns,
             Input::Vanished(_) | Input::Back | Input::Ended(_) => stopped_ns,
         };
         if at_ns > stopped_ns + ON_ITS_WAY_NS {
@@ -355,7 +365,8 @@ fn describe(devices: &[Device]) -> String {
             Protocol::Lines { .. } => "lines",
             Protocol::ModbusRtu { .. } => "modbus-rtu",
         };
-        format!("{protocol} from device '{}' on {}", device.name, device.port)
+        let way = if device.port.command().is_some() { "by the command" } else { "on" };
+        format!("{protocol} from device '{}' {way} {}", device.name, device.port)
     };
     devices.iter().map(one).collect::<Vec<_>>().join("; ")
 }

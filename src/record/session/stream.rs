@@ -5,12 +5,14 @@
 //! | `state` | what is known of the device |
 //! | `timing` | when its samples were measured, and when it should send |
 //! | `frame`, `line`, `polled` | what its protocol hands on becomes samples and gaps |
+//! | `said` | what it says to people |
 //! | `count` | what came, and why nothing did |
 
 pub(crate) mod count;
 pub(crate) mod frame;
 pub(crate) mod line;
 pub(crate) mod polled;
+pub(crate) mod said;
 pub(crate) mod stamp;
 pub(crate) mod state;
 pub(crate) mod timing;
@@ -42,18 +44,34 @@ pub fn take(stream: &mut Stream<'_>, input: Input, live: &mut Live<'_>) -> Resul
                 polled::record(stream, polled, live)?;
             }
         }
+        Input::Said { at_ns, text } => stream.said.take(at_ns, text, live)?,
         Input::Vanished(why) => {
+            if stream.device.port.command().is_some() {
+                // what comes next is another process': nothing that it says is about what this one left unsaid
+                finish(stream, live)?;
+            }
             cut(stream);
             if matches!(stream.state, State::Open) {
-                stream.state = State::Vanished(Instant::now(), why);
+                // one that came back and sent nothing has been away all along
+                let before = stream.away.take().filter(|_| stream.timing.returned);
+                let since = before.map_or_else(Instant::now, |(since, _)| since);
+                stream.away = Some((since, why.clone()));
+                stream.state = State::Vanished(since, why);
             }
         }
         Input::Back => {
             stream.reconnects += 1;
             stream.timing.returned = true;
+            let is_command = stream.device.port.command().is_some();
+            if is_command {
+                stream.begin_anew();
+            }
             if matches!(stream.state, State::Vanished(..)) {
                 stream.state = State::Open;
-                stream.timing.last_message = Instant::now();
+                // a command that has never sent a sample does not gain time by dying
+                if !(is_command && stream.is_empty()) {
+                    stream.timing.last_message = Instant::now();
+                }
             }
         }
         Input::Ended(why) => {
@@ -74,6 +92,7 @@ pub fn take(stream: &mut Stream<'_>, input: Input, live: &mut Live<'_>) -> Resul
 pub fn finish(stream: &mut Stream<'_>, live: &mut Live<'_>) -> Result<(), RecordError> {
     let last_message = stream.timing.last_message;
     hand_on_what_is_held(stream, live)?;
+    stream.said.note(live)?;
     // It came when it came.
     stream.timing.last_message = last_message;
     Ok(())

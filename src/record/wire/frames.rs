@@ -73,6 +73,12 @@ impl Decoder {
         }
     }
 
+    /// Another stream begins, which we hear from its first byte on: its sequence and its clock begin anew.
+    pub fn begin_anew(&mut self) {
+        self.pieces = Pieces::default();
+        self.resequencer.begin_anew();
+    }
+
     /// The stream was cut off: a frame cut with it is a bad one, and what comes next may begin within a frame.
     pub fn cut(&mut self) {
         self.resequencer.counts.bad += u64::from(self.pieces.cut());

@@ -74,6 +74,8 @@ pub struct LineCounts {
 #[derive(Debug, Default)]
 pub struct Decoder {
     unit: TimeUnit,
+    /// The stream is heard from its first byte on: its first line is whole.
+    from_the_beginning: bool,
     pieces: Pieces<b'\n', MAX_LINE>,
     width: Option<usize>,
     /// The first lines, until enough of them agree.
@@ -120,10 +122,13 @@ impl Decoder {
         while let Some(piece) = self.pieces.next(at_ns, &mut bytes) {
             let began_ns = piece.began_ns;
             match piece.bytes {
-                // A first line could be the rest of one and parse all the same: it is never taken.
-                Some(text) if piece.maybe_rest || is_comment(text) => {}
+                Some(text) if is_comment(text) => {}
                 Some(text) => match parse(text, self.unit) {
+                    // A first line could be the rest of one and parse all the same.
+                    Some(_) if piece.maybe_rest && !self.from_the_beginning => {}
                     Some((time_us, values)) => self.line(time_us, values, began_ns, events),
+                    // The rest of one, or a heading.
+                    None if piece.maybe_rest => {}
                     None => self.bad(),
                 },
                 None => self.bad(),
@@ -138,6 +143,14 @@ impl Decoder {
         }
         // what is missing then shows in the times, but for a rhythm that is not known yet
         self.hole |= self.steps.len() < ENOUGH_STEPS;
+    }
+
+    /// Another stream begins, which we hear from its first byte on: its clock begins anew. How many values a line has stays.
+    pub fn begin_anew(&mut self) {
+        self.drop_stale();
+        self.counts.bad += (self.held.len() + usize::from(self.doubtful.is_some())) as u64;
+        let Decoder { unit, width, counts, .. } = *self;
+        *self = Decoder { unit, width, counts, from_the_beginning: true, ..Decoder::default() };
     }
 
     /// How many lines are held back.

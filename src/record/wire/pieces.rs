@@ -7,7 +7,7 @@ pub(crate) struct Pieces<const END: u8, const LONGEST: usize> {
     ended: Vec<u8>,
     /// The rest of an overlong piece is thrown away up to the next end mark.
     skipping: bool,
-    /// The first end mark was seen; what stood before it may be the rest of a piece that began before we listened.
+    /// The first end mark was seen; what stood before it may be the rest of a piece that began before we listened, or no piece at all.
     aligned: bool,
     /// When the first byte of the pending piece arrived.
     began_ns: i64,
@@ -17,7 +17,7 @@ pub(crate) struct Pieces<const END: u8, const LONGEST: usize> {
 pub(crate) struct Piece<'a> {
     /// Its bytes, without the end mark; `None` for an overlong one.
     pub bytes: Option<&'a [u8]>,
-    /// It may be the rest of a piece that began before we listened.
+    /// It is the first: it may be the rest of a piece that began before we listened.
     pub maybe_rest: bool,
     /// When its first byte arrived, ns on the clock of [`Pieces::next`].
     pub began_ns: i64,

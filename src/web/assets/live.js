@@ -123,7 +123,7 @@ export function live(told) {
   at("live-line").textContent = `${told.file ? `${told.file}: ` : ""}${digits(told.recorded_s ?? 0, 4)} s, ${told.samples} samples, ${told.samples_per_s > 0 ? `${Math.round(told.samples_per_s)} a second, ` : ""}${told.gaps === 1 ? "1 gap" : `${told.gaps} gaps`}`;
   const { trigger } = told;
   const waits = trigger?.of_seconds ? ` (${digits(trigger.seconds, 2)} of ${digits(trigger.of_seconds, 2)} s)` : "";
-  at("live-trigger").textContent = [trigger && `Trigger: ${trigger.condition}, ${PHASE[trigger.phase] ?? trigger.phase}${waits}; ${trigger.fired === 1 ? "1 shot" : `${trigger.fired} shots`}`, ...told.devices.map((d) => d.trouble), ...told.sensors.map((s) => s.says && `${s.name} ${s.says}`)].filter(Boolean).join("; ");
+  at("live-trigger").textContent = [trigger && `Trigger: ${trigger.condition}, ${PHASE[trigger.phase] ?? trigger.phase}${waits}; ${trigger.fired === 1 ? "1 shot" : `${trigger.fired} shots`}`, ...told.devices.map((d) => d.trouble), ...told.devices.map((d) => d.says && `${d.name} says: ${d.says}`), ...told.sensors.map((s) => s.says && `${s.name} ${s.says}`)].filter(Boolean).join("; ");
   at("live-aside").hidden = !app.state.open;
   for (const sensor of told.sensors) {
     const own = strips.get(sensor.name);

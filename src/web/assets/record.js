@@ -55,8 +55,17 @@ export function record() {
   const simulated = h("div", { class: "rows" }, row("Hidden effects", effects, more), rate.row, speed.row,
     h("details", { ontoggle: () => values.box.childElementCount || values.draw(list()) }, h("summary", { text: "Values of the test" }), values.box));
   const shots = h("div", { class: "rows" }, level.row, before.row, after.row);
+  // A rig file may come from anybody: who records sees what it starts on this computer, and says so.
+  const { commands } = app.state;
+  const agree = h("input", { type: "checkbox", onchange: () => show() });
+  const programs = h("div", { class: "rows" }, h("p", { class: "hint" }, "This recording starts ", commands.length === 1 ? "a program" : "programs", " on this computer, as the rig file says:"),
+    commands.map((c) => h("p", {}, `${c.device}: `, h("code", { text: c.shown }), h("span", { class: "hint", text: ` in ${c.folder}` }))),
+    h("label", { class: "asked" }, h("span", { text: commands.length === 1 ? "Start it" : "Start them" }), " ", h("span", {}, agree)));
+  const begin = h("button", { class: "primary", text: "Start" });
   const show = () => {
     simulated.hidden = source.field.value !== "simulated";
+    programs.hidden = !simulated.hidden || !commands.length;
+    begin.disabled = !programs.hidden && !agree.checked;
     shots.hidden = !trigger.field.value;
     level.row.hidden = trigger.field.value === "edge";
     level.row.firstChild.textContent = trigger.field.value === "slope" ? "Rise" : "Level";
@@ -71,13 +80,14 @@ export function record() {
     if (wanted.simulate) Object.assign(wanted, { effects: list(), set: Object.fromEntries(values.set), rate_hz: rate.field.valueAsNumber, speed: speed.field.valueAsNumber });
     const kind = trigger.field.value;
     if (kind) wanted.trigger = { pre_s: before.field.valueAsNumber, post_s: after.field.valueAsNumber, ...(kind === "edge" ? {} : { [kind]: level.field.valueAsNumber }) };
+    if (!programs.hidden && agree.checked) wanted.commands = Object.fromEntries(commands.map((c) => [c.device, c.words]));
     expect();
     if (await act("/api/record", wanted)) dialog.close();
   };
   put(dialog, h("form", { onsubmit: start }, h("div", { class: "heading" }, h("h2", { text: "Record" }), h("button", { type: "button", text: "Close", onclick: () => dialog.close() })),
     h("p", { class: "hint", text: "When a recording ends, it appears among the runs and is opened, fitted and diagnosed." }),
-    h("div", { class: "rows" }, source.row), simulated, h("div", { class: "rows" }, duration.row, trigger.row), shots,
-    h("p", { class: "buttons" }, h("button", { class: "primary", text: "Start" }))));
+    h("div", { class: "rows" }, source.row), programs, simulated, h("div", { class: "rows" }, duration.row, trigger.row), shots,
+    h("p", { class: "buttons" }, begin)));
   show();
   dialog.showModal();
 }

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 use std::error::Error;
-use std::path::{Path, PathBuf};
+use std::path::{Path, PathBuf, absolute};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -20,7 +20,7 @@ use crate::record::session::output::Summary;
 use crate::record::session::shots::{Plan, stem};
 use crate::record::session::trigger::{Condition, Settings};
 use crate::report::view::panel::OwnUnit;
-use crate::rig::{Rig, SensorKind};
+use crate::rig::{Device, Rig, SensorKind};
 use crate::shown::Shown as _;
 #[cfg(unix)]
 use crate::simulate::playback::Timing;
@@ -55,6 +55,8 @@ pub struct Wanted {
     pub trigger: Option<Trigger>,
     /// Notes to keep with the recording.
     pub notes: BTreeMap<String, String>,
+    /// The commands that a person has seen and agrees to start, by their devices: word for word, or nothing is started.
+    pub commands: BTreeMap<String, Vec<String>>,
 }
 
 /// What fires a shot.
@@ -212,8 +214,34 @@ fn prepared(rig: &Rig, wanted: &Wanted) -> Result<Session, AnyError> {
         return simulated(rig, wanted);
     }
     let devices = live_devices(&rig, &[])?;
+    agreed(&devices, &wanted.commands)?;
     let sources = Sources::open(&rig, &devices, true)?;
     Ok(Box::new(move |options, stop, report| Ok(record(&rig, &sources, options, stop, report)?)))
+}
+
+/// A rig file may come from anybody: its commands are started only if the person has seen them as they are.
+fn agreed(devices: &[Device], commands: &BTreeMap<String, Vec<String>>) -> Result<(), AnyError> {
+    for device in devices {
+        let Some(command) = device.port.command() else { continue };
+        if commands.get(&device.name) != Some(&command.words) {
+            let name = &device.name;
+            return Err(format!(
+                "device '{name}' starts the program `{command}` on this computer: agree to that first"
+            )
+            .into());
+        }
+    }
+    Ok(())
+}
+
+/// What a recording on a rig's devices starts on this computer, for the person to agree to.
+pub fn commands(rig: &Rig) -> Vec<Value> {
+    let of = |device: Device| {
+        let command = device.port.command()?;
+        let folder = absolute(command.folder.as_ref()?).ok()?.shown().into_owned();
+        Some(json!({ "device": device.name, "words": command.words, "shown": command.to_string(), "folder": folder }))
+    };
+    live_devices(rig, &[]).map_or(Vec::new(), |devices| devices.into_iter().filter_map(of).collect())
 }
 
 #[cfg(unix)]
@@ -301,7 +329,7 @@ fn live(snapshot: &Snapshot) -> Value {
         .map(|d| {
             json!({
                 "name": d.count.name, "samples": d.samples, "samples_per_s": d.samples_per_s, "queue": d.queue,
-                "trouble": d.trouble,
+                "trouble": d.trouble, "says": d.count.stderr.last(),
             })
         })
         .collect();

@@ -13,6 +13,7 @@ use crate::study::open::Loaded;
 use crate::web::session::bench::Bench;
 use crate::web::session::new_rig::name_of;
 use crate::web::session::place::Run;
+use crate::web::session::recording::commands;
 use crate::web::session::{Session, glances};
 use crate::web::view::model;
 
@@ -44,6 +45,7 @@ pub fn json(session: &Session) -> Value {
         "diagnosis": diagnosis,
         "recording": session.recorder.json(),
         "can_record": can_record(session),
+        "commands": session.rig().map_or(Vec::new(), |rig| commands(&rig)),
         "has_trigger": session.rig().is_some_and(|rig| rig.sensors.iter().any(|s| s.kind == SensorKind::Trigger)),
     })
 }

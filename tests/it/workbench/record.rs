@@ -181,3 +181,50 @@ fn a_simulated_shot_is_recorded_live_and_diagnosed_by_itself() {
     let file = std::path::Path::new(ended["file"].as_str().unwrap()).file_name().unwrap().to_str().unwrap();
     assert!(done_in(folder.path(), &["inspect", file]).is_object());
 }
+
+/// A rig file may come from anybody: what it starts is shown, and started only when the person agrees to just that.
+#[cfg(unix)]
+#[test]
+fn a_command_is_started_only_when_it_was_seen_and_agreed_to() {
+    use std::fmt::Write as _;
+    let folder = tempfile::tempdir().unwrap();
+    let mut rig = std::fs::read_to_string(here("rigs/paper-ppr.toml")).unwrap();
+    let sensor = rig.find("kind = \"pressure\"").unwrap();
+    rig.insert_str(sensor, "device = \"daq\"\nchannel = 0\n");
+    let script = "touch started; i=0; while [ $i -lt 200 ]; do echo $((i * 1000)),$((300 + i)); i=$((i + 1)); done";
+    let words = json!(["sh", "-c", script]);
+    let _ = write!(rig, "\n[[device]]\nname = \"daq\"\nprotocol = \"lines\"\ncommand = [\"sh\", \"-c\", '{script}']\n");
+    std::fs::write(folder.path().join("rig.toml"), &rig).unwrap();
+    let started = || folder.path().join("started").exists();
+
+    let bench = Workbench::open(folder.path(), &["rig.toml"]);
+    let shown = &bench.state()["commands"][0];
+    assert_eq!((&shown["device"], &shown["words"]), (&json!("daq"), &words));
+    assert!(shown["shown"].as_str().unwrap().contains("touch started"), "{shown}");
+    for wanted in
+        [json!({}), json!({ "commands": { "daq": ["sh", "-c", "true"] } }), json!({ "commands": { "doq": words } })]
+    {
+        let refused = bench.post("/api/record", &wanted, 400)["error"].as_str().unwrap().to_owned();
+        assert!(refused.contains("device 'daq' starts the program `sh -c") && refused.contains("agree"), "{refused}");
+    }
+    assert!(!started());
+    bench.post("/api/record", &json!({ "commands": { "daq": words } }), 202);
+    let state = bench.until("the end", |state| state["recording"]["running"] == false);
+    assert!(started() && state["recording"]["ended"]["file"].is_string(), "{}", state["recording"]);
+    std::fs::remove_file(folder.path().join("started")).unwrap();
+
+    // the same rig in a recording, as it may come by mail: nothing is shown to agree to, and nothing is started
+    let mailed = tempfile::tempdir().unwrap();
+    let rig_file = folder.path().join("rig.toml");
+    let rig_file = rig_file.to_str().unwrap();
+    done_in(
+        mailed.path(),
+        &["simulate", "--rig", rig_file, "--set", "initial_velocity_m_s=0.5", "--seed", "1", "-o", "mailed.mcap"],
+    );
+    let bench = Workbench::open(mailed.path(), &["mailed.mcap"]);
+    let state = bench.fitted();
+    let refused = bench.post("/api/record", &json!({ "commands": { "daq": words } }), 400);
+    assert_eq!(state["commands"], json!([]));
+    assert!(refused["error"].as_str().unwrap().contains("did not come from a rig file"), "{refused}");
+    assert!(!started() && !mailed.path().join("started").exists());
+}

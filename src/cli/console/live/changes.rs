@@ -20,6 +20,11 @@ pub(crate) fn changes(before: Option<&Snapshot>, now: &Snapshot, advised: bool) 
             (Some(_), None) => news.push((Tone::Plain, format!("{name} sends"))),
             _ => {}
         }
+        let known = before.devices.get(i).map_or(0, |device| device.count.said);
+        let new = usize::try_from(device.count.said.saturating_sub(known)).unwrap_or(usize::MAX);
+        let said = &device.count.stderr;
+        let lines = said.iter().skip(said.len().saturating_sub(new));
+        news.extend(lines.map(|line| (Tone::Plain, format!("{name} says: {line}"))));
     }
     for sensor in &now.sensors {
         let old = before.sensors.iter().find(|old| old.name == sensor.name).and_then(|old| old.fault);

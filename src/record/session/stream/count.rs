@@ -14,7 +14,7 @@ use crate::record::health::snapshot::{DeviceView, SensorView};
 use crate::record::session::options::Options;
 use crate::record::session::stream::state::{Codec, State, Stream};
 use crate::record::wire::modbus::exception;
-use crate::rig::Protocol;
+use crate::rig::{Port, Protocol};
 
 /// A device that says nothing for so long is silent; one that is polled, for so many polls.
 const SILENT_AFTER: Duration = Duration::from_secs(2);
@@ -22,15 +22,56 @@ const SILENT_POLLS: f64 = 4.0;
 
 /// Why nothing it sent could be used.
 pub fn nothing(stream: &Stream<'_>, ended: String) -> RecordError {
-    let (device, port, speed) = (stream.device.name.clone(), stream.device.port.clone(), stream.device.speed());
+    let (device, port) = (stream.device.name.clone(), &stream.device.port);
+    let speed = if let Port::Serial(serial) = port { serial.speed() } else { String::new() };
+    let ended = ended + &stream.said.ending();
     match &stream.codec {
         Codec::Polled(Some(Polled { refused: Some(code), .. })) => {
             RecordError::Refused { device, why: exception(*code) }
         }
-        Codec::Polled(_) => RecordError::NoAnswer { device, port, speed, ended },
-        _ if stream.bytes == 0 => RecordError::Silent { device, port, ended },
-        Codec::Frames(_) => RecordError::NoFrame { device, bytes: stream.bytes, speed, speaks: "frames", ended },
-        Codec::Lines(_) => RecordError::NoFrame { device, bytes: stream.bytes, speed, speaks: "lines", ended },
+        Codec::Polled(_) => RecordError::NoAnswer { device, port: port.to_string(), speed, ended },
+        _ if stream.bytes == 0 => {
+            let ended_by_itself = matches!(stream.state, State::Ended(_)) && port.command().is_some();
+            let by_itself = || format!("start {port} by itself in the rig file's folder to see why");
+            let advice = if ended_by_itself { by_itself() } else { if_silent(port) };
+            RecordError::Silent { device, ended, advice }
+        }
+        Codec::Frames(_) => {
+            RecordError::NoFrame { device, bytes: stream.bytes, what: if_wrong(port), speaks: "frames", ended }
+        }
+        Codec::Lines(_) => {
+            RecordError::NoFrame { device, bytes: stream.bytes, what: if_wrong(port), speaks: "lines", ended }
+        }
+    }
+}
+
+/// What to look at where not one byte comes.
+fn if_silent(port: &Port) -> String {
+    match port {
+        Port::Serial(serial) => format!("is it switched on and started, and is {} its port?", serial.path),
+        Port::Tcp(_) => format!("is it started, and does it send by itself to whoever connects to {port}?"),
+        Port::Command(_) => {
+            format!("does {port} print its samples on its standard output, and at once (print(…, flush=True), fflush)?")
+        }
+    }
+}
+
+/// What may be wrong where nothing valid comes.
+fn if_wrong(port: &Port) -> String {
+    match port {
+        Port::Serial(serial) => format!("baud rate and format ({} in the rig file)", serial.speed()),
+        Port::Tcp(_) => format!("that {port} is its address"),
+        Port::Command(_) => format!("what {port} prints on its standard output"),
+    }
+}
+
+/// What is done, and what to do, where it is gone.
+fn if_gone(port: &Port, options: &Options) -> String {
+    let wait_s = options.wait.as_secs_f64();
+    match port {
+        Port::Serial(serial) => format!("plug {} in again within {wait_s} s", serial.path),
+        Port::Tcp(_) => format!("{port} is tried again for {wait_s} s"),
+        Port::Command(_) => format!("{port} is started again, for {wait_s} s at most without a sample"),
     }
 }
 
@@ -70,6 +111,9 @@ fn tally(stream: &Stream<'_>, waited: (u64, f64)) -> DeviceCount {
         squeezed_frames: stream.timing.clock.map_or(0, |clock| clock.squeezed()),
         queue_waits: waited.0,
         queue_waited_s: waited.1,
+        stderr: stream.said.last.iter().cloned().collect(),
+        said: stream.said.lines,
+        said_more: stream.said.left_out(),
         ..DeviceCount::default()
     };
     match &stream.codec {
@@ -147,9 +191,13 @@ pub fn view(stream: &Stream<'_>, own: &[&SensorView], options: &Options, waited:
     };
     let trouble = match &stream.state {
         State::Vanished(_, why) if options.wait > Duration::ZERO => {
-            Some(format!("{why}: plug {} in again within {} s", stream.device.port, options.wait.as_secs_f64()))
+            Some(format!("{why}: {}", if_gone(&stream.device.port, options)))
         }
         State::Vanished(_, why) | State::Ended(why) => Some(why.clone()),
+        // its port is there again, and it has sent nothing yet
+        State::Open if stream.timing.returned => {
+            stream.away.as_ref().map(|(_, why)| format!("{why}: {}", if_gone(&stream.device.port, options)))
+        }
         State::Open if silent => Some(silence(stream)),
         State::Open | State::Reached => None,
     };
@@ -159,12 +207,20 @@ pub fn view(stream: &Stream<'_>, own: &[&SensorView], options: &Options, waited:
 
 /// What to do about a device that sends nothing that can be used.
 fn silence(stream: &Stream<'_>) -> String {
-    let (port, speed) = (&stream.device.port, stream.device.speed());
-    match &stream.codec {
-        Codec::Polled(_) => {
+    let port = &stream.device.port;
+    match (&stream.codec, port) {
+        (Codec::Polled(_), Port::Serial(serial)) => {
+            let speed = serial.speed();
             format!("no answer on {port}: is it powered and set to {speed}, and are unit_id and wiring (A, B) right?")
         }
-        _ if stream.bytes == 0 => format!("not one byte arrives on {port}: is it powered, started and on this port?"),
-        _ => format!("nothing valid arrives on {port}: has it stopped, or is its line not set to {speed}?"),
+        (_, Port::Serial(_)) if stream.bytes == 0 => {
+            format!("not one byte arrives on {port}: is it powered, started and on this port?")
+        }
+        (_, Port::Serial(serial)) => {
+            let speed = serial.speed();
+            format!("nothing valid arrives on {port}: has it stopped, or is its line not set to {speed}?")
+        }
+        _ if stream.bytes == 0 => format!("not one byte arrives: {}", if_silent(port)),
+        _ => format!("nothing valid arrives: has it stopped? Check {}", if_wrong(port)),
     }
 }

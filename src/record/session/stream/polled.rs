@@ -16,6 +16,7 @@ const IN_TIME: f64 = 1.5;
 pub(crate) fn record(stream: &mut Stream<'_>, polled: Polled, live: &mut Live<'_>) -> Result<(), RecordError> {
     if polled.values.iter().any(|(_, value)| value.is_some()) {
         stream.timing.sent_something(true);
+        stream.timing.returned = false;
         live.begin(polled.at_ns)?;
     } else if !live.has_begun() {
         // Nothing is recorded yet, so nothing is lost.

@@ -6,6 +6,7 @@ use crate::record::devices::poll::PollCounts;
 use crate::record::devices::queue::Polled;
 use crate::record::error::RecordError;
 use crate::record::session::session_log::Live;
+use crate::record::session::stream::said::Said;
 use crate::record::session::stream::timing::Timing;
 use crate::record::wire::frames;
 use crate::record::wire::lines;
@@ -65,6 +66,10 @@ pub struct Stream<'a> {
     /// What was seen of one that is polled before the recording began.
     pub(super) before: PollCounts,
     pub(super) values: Vec<f64>,
+    /// Since when it was away, and why.
+    pub(super) away: Option<(Instant, String)>,
+    /// What it said to people.
+    pub(super) said: Said,
 }
 
 impl<'a> Stream<'a> {
@@ -88,7 +93,7 @@ impl<'a> Stream<'a> {
             Protocol::Lines { time_unit } => Codec::Lines(lines::Decoder::of(time_unit)),
             Protocol::ModbusRtu { .. } => Codec::Polled(None),
         };
-        Stream {
+        let mut stream = Stream {
             device,
             state: State::Open,
             bytes: 0,
@@ -101,7 +106,23 @@ impl<'a> Stream<'a> {
             bad_and_lost: None,
             before: PollCounts::default(),
             values: Vec::new(),
+            away: None,
+            said: Said::of(&device.name),
+        };
+        if device.port.command().is_some() {
+            stream.begin_anew();
         }
+        stream
+    }
+
+    /// A process has started: what it sends is heard from its first byte on, and has nothing to do with what another one sent before.
+    pub(super) fn begin_anew(&mut self) {
+        match &mut self.codec {
+            Codec::Frames(decoder) => decoder.begin_anew(),
+            Codec::Lines(decoder) => decoder.begin_anew(),
+            Codec::Polled(_) => {}
+        }
+        self.timing.restarted = !self.is_empty();
     }
 
     /// True for a device that says its samples' times; one that is asked has none of its own.

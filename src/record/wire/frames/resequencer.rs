@@ -95,6 +95,13 @@ impl Resequencer {
         }
     }
 
+    /// What comes next has nothing to do with what came before.
+    pub(crate) fn begin_anew(&mut self) {
+        self.drop_held();
+        self.stated.interrupt();
+        *self = Resequencer { counts: self.counts, stated: self.stated, ..Resequencer::default() };
+    }
+
     /// Frames with samples that are held.
     fn in_doubt(&self) -> usize {
         self.held.iter().filter(|(frame, _)| frame.samples() > 0).count()
@@ -191,7 +198,7 @@ impl Resequencer {
         self.stated.interrupt();
         if !goes_on && !filter.is_behind(first) {
             events.push(Event::Restarted);
-            *self = Resequencer { counts: self.counts, stated: self.stated, ..Resequencer::default() };
+            self.begin_anew();
         } else {
             let anew = !goes_on && filter.begins_anew_with(first);
             let lost = if anew { 0 } else { filter.missing(first, *began_ns) };

@@ -29,6 +29,22 @@ fn nth(index: u16) -> Frame {
     Frame::new(index, 1_000 + u64::from(index) * 2_000, 500_000, 3, counts).unwrap()
 }
 
+/// A process that is started again sends the same frames again.
+#[test]
+fn a_stream_that_begins_anew_repeats_nothing() {
+    let mut decoder = Decoder::new();
+    let bytes: Vec<u8> = (0..5).flat_map(|index| nth(index).encode()).collect();
+    for life in 1..=3 {
+        decoder.begin_anew();
+        // cut off within the last one
+        let taken = frames(decode(&mut decoder, &bytes[..bytes.len() - 3]));
+        assert_eq!(taken, [0, 1, 2, 3].map(nth));
+        decoder.cut();
+        let counts = decoder.counts();
+        assert_eq!((counts.frames, counts.bad, counts.lost, counts.duplicated), (4 * life, life, 0, 0));
+    }
+}
+
 fn any_frame() -> impl Strategy<Value = Frame> {
     (any::<u16>(), 0..MAX_DEVICE_US, 1u32.., 1u8..=255, 1usize..40)
         .prop_flat_map(|(sequence, first_us, period_ns, channels, samples)| {

@@ -34,6 +34,28 @@ fn lines_comments_and_bad_lines() {
     assert_eq!(decoder.counts(), LineCounts { lines: 3, bad: 3, stale: 0 });
 }
 
+/// A process that is started again says the same times again, and the same values.
+#[test]
+fn a_stream_that_begins_anew_is_whole_from_its_first_byte_on() {
+    let mut decoder = Decoder::new();
+    let mut events = Vec::new();
+    for life in 1..=3 {
+        decoder.begin_anew();
+        events.clear();
+        decoder.feed(0, b"time_us,P1\n1000,1,2\n2000,3,4\n3000,5,6\n40", &mut events);
+        assert_eq!(times(&events), [(1000, false), (2000, false), (3000, false)], "a heading is no line");
+        decoder.finish(&mut events);
+        decoder.cut();
+        assert_eq!(decoder.counts(), LineCounts { lines: 3 * life, bad: life, stale: 0 });
+    }
+    // how many values a line has is known by now; what was held back is lost
+    decoder.begin_anew();
+    events.clear();
+    decoder.feed(0, b"1000,1,2\n2000,1,2\n3000,1,2\n4000,1,2\n900000,1,2\n", &mut events);
+    decoder.begin_anew();
+    assert_eq!((events.len(), decoder.counts()), (4, LineCounts { lines: 13, bad: 4, stale: 0 }));
+}
+
 #[test]
 fn a_cell_without_a_finite_number_costs_its_own_value_only() {
     let mut decoder = Decoder::new();

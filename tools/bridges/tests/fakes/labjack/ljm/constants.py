@@ -1,0 +1,1 @@
+DUMMY_VALUE = -9999
