@@ -12,7 +12,7 @@ use crate::record::devices::reader::check;
 use crate::record::session::live_test::live_devices;
 use crate::rig::{Device, Rig};
 
-/// List the serial ports, or check the ports, sockets and commands of a rig's devices.
+/// List the serial ports, or try the devices of a rig.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Try to open the ports of this rig's devices; exit code 1 if one cannot be opened. Commands are looked up, not started.
