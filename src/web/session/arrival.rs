@@ -11,13 +11,13 @@ use serde_json::{Value, json};
 use crate::draft::reading::Reading;
 use crate::draft::remark::Weight;
 use crate::rig::Rig;
-use crate::rig::check::return_time_s;
 use crate::shown::Shown as _;
 use crate::signal::doubts::doubts;
 use crate::signal::faults::sensor_faults;
 use crate::signal::inspect;
-use crate::storage::import::{ImportOptions, Imported, SourceOptions, import_file, read_source, unit_warnings};
+use crate::storage::import::{ImportOptions, Imported, SourceOptions, read_source, unit_warnings};
 use crate::storage::{LogError, keep, read, write};
+use crate::study::import::import;
 use crate::watch::evaluate::sentence;
 use crate::web::session::new_rig::free;
 
@@ -158,9 +158,5 @@ fn plain_name(name: &str) -> Option<String> {
 fn imported(dropped: &Dropped, reading: SourceOptions, rig: &Rig, path: &Path) -> Result<Imported, AnyError> {
     let options = ImportOptions { without: dropped.without.clone(), ..ImportOptions::default() };
     let said = SourceOptions { map: dropped.map.clone(), ignore: dropped.ignore.clone(), guess: false, ..reading };
-    import_file(path, rig, &options, &said, true).or_else(|_| {
-        let period_s = 2.0 * return_time_s(rig, &rig.fluid.properties(rig.fluid.temperature_degc));
-        let guessing = SourceOptions { guess: true, period_s: Some(period_s), ..said };
-        Ok(import_file(path, rig, &options, &guessing, true)?)
-    })
+    import(path, rig, &options, &said, true).or_else(|error| Ok(error.accepted()?))
 }
