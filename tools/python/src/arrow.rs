@@ -190,25 +190,30 @@ unsafe extern "C" fn get_next(stream: *mut Stream, out: *mut Array) -> c_int {
 fn column(values: Values) -> Array {
     match values {
         Values::Numbers(numbers) => {
-            let unknown = numbers.iter().filter(|number| number.is_nan()).count();
-            let known =
-                if unknown > 0 { Buffer::Bytes(bits(numbers.iter().map(|n| !n.is_nan()))) } else { Buffer::None };
+            let (known, unknown) = known(numbers.iter().map(|number| !number.is_nan()));
             array(numbers.len(), unknown, vec![known, Buffer::Numbers(numbers)], Vec::new())
         }
         Values::Texts(texts) => {
             let mut offsets = vec![0];
             let mut bytes = Vec::new();
             for text in &texts {
-                bytes.extend_from_slice(text.as_bytes());
+                bytes.extend_from_slice(text.as_deref().unwrap_or_default().as_bytes());
                 offsets.push(bytes.len() as i64);
             }
-            array(texts.len(), 0, vec![Buffer::None, Buffer::Offsets(offsets), Buffer::Bytes(bytes)], Vec::new())
+            let (known, unknown) = known(texts.iter().map(Option::is_some));
+            array(texts.len(), unknown, vec![known, Buffer::Offsets(offsets), Buffer::Bytes(bytes)], Vec::new())
         }
         Values::Flags(flags) => {
             let set = Buffer::Bytes(bits(flags.iter().copied()));
             array(flags.len(), 0, vec![Buffer::None, set], Vec::new())
         }
     }
+}
+
+/// Which values are known, where not all are, and how many are not.
+fn known(known: impl ExactSizeIterator<Item = bool> + Clone) -> (Buffer, usize) {
+    let unknown = known.clone().filter(|known| !known).count();
+    (if unknown > 0 { Buffer::Bytes(bits(known)) } else { Buffer::None }, unknown)
 }
 
 /// A bit for each, the lowest first.

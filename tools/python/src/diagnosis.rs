@@ -110,7 +110,7 @@ impl Diagnosis {
     fn table(&self) -> Table {
         let all = &self.found.candidates;
         let numbers = |of: &dyn Fn(&Rival) -> f64| Values::Numbers(all.iter().map(of).collect());
-        let texts = |of: &dyn Fn(&Rival) -> String| Values::Texts(all.iter().map(of).collect());
+        let texts = |of: &dyn Fn(&Rival) -> String| Values::Texts(all.iter().map(|c| Some(of(c))).collect());
         Table(vec![
             ("effect", texts(&|c| c.effect.to_owned())),
             ("label", texts(&|c| c.label.clone())),
@@ -210,6 +210,10 @@ impl Diagnosis {
     ) -> PyResult<Bound<'py, PyCapsule>> {
         drop(requested_schema); // a request that a producer may leave unheeded
         arrow::stream(py, self.table())
+    }
+
+    fn _repr_html_(&self) -> String {
+        surgescope::report::notebook::diagnosis(&self.found)
     }
 
     fn __repr__(&self) -> String {

@@ -97,16 +97,16 @@ pub fn parameters<'py>(py: Python<'py>, all: &[FittedParameter]) -> PyResult<Bou
 /// Parameters as a table.
 pub fn table(all: &[FittedParameter]) -> Table {
     let numbers = |of: &dyn Fn(&FittedParameter) -> f64| Values::Numbers(all.iter().map(of).collect());
-    let texts = |of: &dyn Fn(&FittedParameter) -> String| Values::Texts(all.iter().map(of).collect());
+    let texts = |of: &dyn Fn(&FittedParameter) -> Option<String>| Values::Texts(all.iter().map(of).collect());
     let flags = |of: &dyn Fn(&FittedParameter) -> bool| Values::Flags(all.iter().map(of).collect());
     Table(vec![
-        ("name", texts(&|p| p.name.clone())),
-        ("run", texts(&|p| p.run.clone().unwrap_or_default())),
+        ("name", texts(&|p| Some(p.name.clone()))),
+        ("run", texts(&|p| p.run.clone())),
         ("value", numbers(&|p| p.value)),
         ("low", numbers(&|p| p.interval_95.0)),
         ("high", numbers(&|p| p.interval_95.1)),
         ("standard_error", numbers(&|p| p.standard_error())),
-        ("unit", texts(&|p| p.unit.to_owned())),
+        ("unit", texts(&|p| Some(p.unit.to_owned()))),
         ("at_bound", flags(&|p| p.at_bound)),
         ("held", flags(&|p| p.held)),
     ])
@@ -431,6 +431,10 @@ impl Fit {
     ) -> PyResult<Bound<'py, PyCapsule>> {
         drop(requested_schema); // a request that a producer may leave unheeded
         arrow::stream(py, table(&self.fit.parameters))
+    }
+
+    fn _repr_html_(&self) -> String {
+        surgescope::report::notebook::fit(&self.fit, &self.warnings)
     }
 
     fn __repr__(&self) -> String {

@@ -171,8 +171,8 @@ impl Recording {
         for index in 0..self.recorded.series.len() {
             let sensor = self.sensor(index);
             let samples = sensor.series().time_s.len();
-            names.extend(std::iter::repeat_n(sensor.name().to_owned(), samples));
-            units.extend(std::iter::repeat_n(sensor.unit().to_owned(), samples));
+            names.extend(std::iter::repeat_n(Some(sensor.name().to_owned()), samples));
+            units.extend(std::iter::repeat_n(Some(sensor.unit().to_owned()), samples));
             times.extend_from_slice(&sensor.series().time_s);
             readings.extend_from_slice(&sensor.series().value);
             match sensor.heads_m() {
@@ -254,6 +254,10 @@ impl Recording {
     ) -> PyResult<Bound<'py, PyCapsule>> {
         drop(requested_schema); // a request that a producer may leave unheeded
         arrow::stream(py, self.table())
+    }
+
+    fn _repr_html_(&self) -> String {
+        surgescope::report::notebook::recording(&self.file, &self.recorded)
     }
 
     fn __repr__(&self) -> String {

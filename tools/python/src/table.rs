@@ -11,8 +11,8 @@ use crate::error::sentence;
 pub enum Values {
     /// Numbers; one that is not known is not a number, and null in Arrow.
     Numbers(Vec<f64>),
-    /// Texts.
-    Texts(Vec<String>),
+    /// Texts; one that is not there is None in pandas, and null in Arrow.
+    Texts(Vec<Option<String>>),
     /// Yes or no.
     Flags(Vec<bool>),
 }
