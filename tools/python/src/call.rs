@@ -20,6 +20,8 @@ const LOOK_EVERY: Duration = Duration::from_millis(50);
 /// How far a computation has come, as `progress=` hears it. Its text fits one line.
 #[pyclass(frozen, module = "surgescope", get_all)]
 pub struct Progress {
+    /// All of it in a line.
+    pub line: String,
     /// What is being done, in words.
     pub stage: String,
     /// Reaches of the grid of the fit at work; None where no model is being fitted.
@@ -32,7 +34,6 @@ pub struct Progress {
     pub done: Option<usize>,
     /// Simulations to do, of `simulate_many`.
     pub total: Option<usize>,
-    line: String,
 }
 
 #[pymethods]

@@ -8,6 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rayon::prelude::*;
 use surgescope::model::effects::{Chosen, parse_list};
+use surgescope::model::stop::stop_if_told;
 use surgescope::model::trace::Trace;
 use surgescope::rig;
 use surgescope::simulate::cavities::unmodelled;
@@ -200,7 +201,10 @@ pub fn simulate_many<'py>(
     let done = on_all_cores(py, threads, watcher.called(), move |told| {
         let (counted, times_s) = (AtomicUsize::new(0), Arc::new(times_s));
         let until_s = duration_s(&times_s);
-        let scenario = |settings: &Vec<(String, f64)>| Scenario::new((*rig).clone(), &effects, valve, settings);
+        let scenario = |settings: &Vec<(String, f64)>| {
+            stop_if_told();
+            Scenario::new((*rig).clone(), &effects, valve, settings)
+        };
         // Names and ranges first: a slip in the last row need not wait for the others.
         let scenarios: Vec<_> = settings.par_iter().map(scenario).collect();
         let scenarios = checked_rows(scenarios, keeps_failed)?;

@@ -16,10 +16,9 @@ impl<'py> Watcher<'py> {
     /// # Errors
     /// What closing it raises.
     pub fn close(&self) -> PyResult<()> {
-        match self.0.as_ref().map(|called| called.getattr_opt("close")).transpose()?.flatten() {
-            Some(close) => close.call0().map(drop),
-            None => Ok(()),
-        }
+        let Some(called) = &self.0 else { return Ok(()) };
+        let own = called.py().import("surgescope._progress")?.getattr("Bar")?;
+        if called.is_instance(&own)? { called.call_method0("close").map(drop) } else { Ok(()) }
     }
 }
 

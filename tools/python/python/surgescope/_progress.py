@@ -7,9 +7,10 @@ from collections.abc import Callable
 from typing import Any
 
 from surgescope._native import Error, Progress
+from surgescope._types import Watcher
 
 
-class _Bar:
+class Bar:
     """A bar of tqdm; what it shows is the line of the progress."""
 
     def __init__(self, tqdm: Any, total: int | None) -> None:
@@ -26,16 +27,6 @@ class _Bar:
         self._bar.close()
 
 
-class _Callable:
-    """A callable of the user's, which is theirs to close."""
-
-    def __init__(self, call: Callable[[Progress], object]) -> None:
-        self._call = call
-
-    def __call__(self, progress: Progress) -> None:
-        self._call(progress)
-
-
 def _in_notebook() -> bool:
     """Whether a Jupyter or marimo notebook runs this."""
     marimo = sys.modules.get("marimo")
@@ -46,18 +37,18 @@ def _in_notebook() -> bool:
     return shell is not None and type(shell).__name__ == "ZMQInteractiveShell"
 
 
-def watcher(asked: object, total: int | None) -> Callable[[Progress], None] | None:
+def watcher(asked: Watcher, total: int | None) -> Callable[[Progress], object] | None:
     """What hears the progress: `asked` is a callable, True for a bar, False for none, or None for a bar in a notebook."""
-    if callable(asked):
-        return _Callable(asked)
-    if asked not in (None, True, False):
-        raise Error(f"progress = {asked!r} is neither a callable nor True nor False")
-    if asked is False or (asked is None and not _in_notebook()):
-        return None
-    try:
-        from tqdm.auto import tqdm
-    except ModuleNotFoundError:
-        if asked is None:
+    if asked is None or isinstance(asked, bool):
+        if asked is False or (asked is None and not _in_notebook()):
             return None
-        raise Error("progress=True needs tqdm, which is not installed: pip install tqdm") from None
-    return _Bar(tqdm, total)
+        try:
+            from tqdm.auto import tqdm
+        except ModuleNotFoundError:
+            if asked is None:
+                return None
+            raise Error("progress=True needs tqdm, which is not installed: pip install tqdm") from None
+        return Bar(tqdm, total)
+    if not callable(asked):
+        raise Error(f"progress = {asked!r} is neither a callable nor True nor False")
+    return asked
