@@ -3,5 +3,6 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    surgescope::cli::main()
+    let arguments: Vec<_> = std::env::args_os().collect();
+    ExitCode::from(surgescope::cli::run(&arguments))
 }

@@ -6,13 +6,14 @@ pub mod console;
 pub(crate) mod examples;
 pub(crate) mod help;
 
-use std::process::ExitCode;
+use std::ffi::OsString;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use crate::cli::console::last_words::LastWords;
 use crate::cli::console::outcome::{CommandResult, FAILED};
 use crate::cli::console::print::tell;
+use crate::cli::console::refusal::in_words;
 use crate::cli::console::stop::STOP;
 use crate::shown::{Shown as _, controls};
 
@@ -72,18 +73,18 @@ fn command() -> clap::Command {
 }
 
 /// Ends with what is wrong with the arguments, which the parser quotes as they are.
-fn refuse(error: &clap::Error) -> ! {
-    if !std::env::args_os().any(|argument| argument.to_string_lossy().chars().any(controls)) {
+fn refuse(error: &clap::Error, arguments: &[OsString]) -> ! {
+    if !arguments.iter().any(|argument| argument.to_string_lossy().chars().any(controls)) {
         error.exit();
     }
     tell!("{}", error.render().to_string().trim_end().shown());
     std::process::exit(error.exit_code())
 }
 
-/// Parses the arguments, runs the command and turns its outcome into the exit code.
-pub fn main() -> ExitCode {
-    let parsed = command().try_get_matches().and_then(|matches| Cli::from_arg_matches(&matches));
-    let cli = parsed.unwrap_or_else(|error| refuse(&error));
+/// Runs the command of the arguments, the program's name first, and returns the exit code. Help, and arguments that are refused, end the process.
+pub fn run(arguments: &[OsString]) -> u8 {
+    let parsed = command().try_get_matches_from(arguments).and_then(|matches| Cli::from_arg_matches(&matches));
+    let cli = parsed.unwrap_or_else(|error| refuse(&error, arguments));
     let result: CommandResult = match cli.command {
         Command::Import(args) => commands::import::run(args, cli.json),
         Command::Demo(args) => commands::demo::run(args, cli.json),
@@ -122,19 +123,11 @@ pub fn main() -> ExitCode {
         Command::Help(args) => help::run(&args, command()),
     };
     match result {
-        Ok(outcome) => ExitCode::from(outcome.code()),
+        Ok(outcome) => outcome.code(),
         Err(error) => {
             let _words = LastWords::before(FAILED, &STOP);
-            tell!("error: {error}");
-            let mut cause = error.source();
-            while let Some(inner) = cause {
-                tell!("  because: {inner}");
-                cause = inner.source();
-            }
-            if let Some(hint) = crate::cli::console::hints::hint(error.as_ref()) {
-                tell!("  try: {hint}");
-            }
-            ExitCode::from(FAILED)
+            tell!("error: {}", in_words(error.as_ref()));
+            FAILED
         }
     }
 }

@@ -5,6 +5,7 @@ pub mod align;
 pub mod creep;
 pub mod diagnose;
 pub mod fit;
+pub mod interned;
 pub mod model;
 pub mod number;
 mod product;

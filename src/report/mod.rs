@@ -9,6 +9,7 @@
 //! | [`view`] | what is worth showing of a fit, whatever shows it: curves, where a model fails, the verdict in a sentence |
 //! | [`svg`] | static charts, for the page in print and for any other plot |
 //! | [`html`](mod@html) | the frame of a page, tables, escapes |
+//! | [`notebook`] | pieces of that page, for a cell of a notebook |
 //! | [`page`] | the page of a calibration, a prediction or a diagnosis, from the pieces of its subject |
 //! | the others | one subject each: its text, its JSON and its HTML side by side |
 
@@ -24,6 +25,7 @@ pub mod html;
 pub mod inspection;
 pub mod models;
 pub mod next;
+pub mod notebook;
 pub mod page;
 pub mod pest;
 pub mod prediction;

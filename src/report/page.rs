@@ -22,7 +22,9 @@ const UPLOT_LICENCE: &str = include_str!("html/assets/uplot/LICENSE");
 pub fn html(page: &Page) -> String {
     let panels = panels(page);
     let (kind, (mark, class, verdict)) = match page.prediction {
-        _ if !page.diagnoses.is_empty() => ("diagnosis", crate::report::diagnosis::html::verdict(page)),
+        _ if !page.diagnoses.is_empty() => {
+            ("diagnosis", crate::report::diagnosis::html::verdict(&page.stages, page.diagnoses))
+        }
         Some(ahead) => ("prediction", judged(prediction::judge(ahead), prediction::verdict(ahead))),
         None => {
             let judgement = page.stages.last().map_or(Closeness::Unknown, |s| summary::judge(s.fit));
@@ -72,7 +74,7 @@ pub fn html(page: &Page) -> String {
 }
 
 /// Mark, class and sentence of a judgement.
-fn judged(closeness: Closeness, sentence: String) -> (&'static str, &'static str, String) {
+pub(crate) fn judged(closeness: Closeness, sentence: String) -> (&'static str, &'static str, String) {
     let (mark, class) = match closeness {
         Closeness::Noise => ("✓", "good"),
         Closeness::Near => ("≈", "near"),

@@ -1,6 +1,7 @@
 //! A run that is only simulated: a rig, effects and settings by name.
 
 pub mod as_recorded;
+pub mod cavities;
 pub(crate) mod memory;
 pub mod playback;
 pub(crate) mod sampled;

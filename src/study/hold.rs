@@ -9,6 +9,7 @@ use crate::model::constraint::Constraint;
 use crate::model::effects::Chosen;
 use crate::model::parameter::Parameter;
 use crate::model::prior::Prior;
+use crate::number::significant;
 use crate::results::model_file::Entry;
 use crate::rig::Rig;
 
@@ -71,6 +72,15 @@ pub struct Beyond {
     pub lower: f64,
     /// Greatest value that a fit may take.
     pub upper: f64,
+}
+
+impl std::fmt::Display for Beyond {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Beyond { name, value, .. } = self;
+        let [lower, upper] = [self.lower, self.upper].map(|bound| significant(bound, 3));
+        let value = if (1e-4..1e9).contains(&value.abs()) { value.to_string() } else { format!("{value:e}") };
+        write!(f, "{name}={value} lies outside the bounds of a fit, {lower} to {upper}: check its unit")
+    }
 }
 
 /// Which of the `values` lie outside the bounds that a fit of the model keeps to.

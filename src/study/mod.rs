@@ -4,14 +4,17 @@ pub mod beside;
 pub mod calibrate;
 pub mod error;
 pub mod hold;
+pub mod import;
 pub mod models;
 pub mod next;
 pub mod open;
 pub mod predict;
+pub mod search;
 pub mod simulated;
 pub mod until_done;
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use crate::diagnose::exchange::exchanged;
 use crate::diagnose::needless::without_needless;
@@ -51,11 +54,14 @@ use crate::study::open::{Loaded, load, load_keeping, one_rig};
 /// println!("wave speed {:.1} ± {:.1} {}", speed.value, speed.standard_error(), speed.unit);
 /// # Ok::<(), surgescope::Error>(())
 /// ```
+///
+/// A clone shares the recordings; [`Study::on_progress`] is each one's own.
+#[derive(Clone)]
 pub struct Study {
-    rig: Rig,
-    recordings: Vec<Loaded>,
-    runs: Vec<RunData>,
-    on_progress: Box<dyn Fn(&Progress) + Send + Sync>,
+    rig: Arc<Rig>,
+    recordings: Arc<[Loaded]>,
+    runs: Arc<[RunData]>,
+    on_progress: Arc<dyn Fn(&Progress) + Send + Sync>,
 }
 
 /// A model with one effect more.
@@ -138,12 +144,13 @@ impl Study {
     fn of(recordings: Vec<Loaded>) -> Result<Study> {
         let first = recordings.first().ok_or(Error::NoRecording)?;
         let runs = recordings.iter().map(Loaded::run).collect();
-        Ok(Study { rig: first.recording.rig.clone(), runs, recordings, on_progress: Box::new(|_| {}) })
+        let rig = Arc::new(first.recording.rig.clone());
+        Ok(Study { rig, runs, recordings: recordings.into(), on_progress: Arc::new(|_| {}) })
     }
 
     /// Calls `watcher` while something is computed, possibly from several threads.
     pub fn on_progress(&mut self, watcher: impl Fn(&Progress) + Send + Sync + 'static) {
-        self.on_progress = Box::new(watcher);
+        self.on_progress = Arc::new(watcher);
     }
 
     /// The rig.

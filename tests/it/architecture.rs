@@ -5,8 +5,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The rooms from the cellar up. A room may use what stands before it, with the exceptions below.
-const ROOMS: [&str; 31] = [
+const ROOMS: [&str; 32] = [
     "units",
+    "interned",
     "number",
     "shown",
     "text_file",

@@ -4,7 +4,6 @@ use crate::cli::args::values::{number, pair};
 use crate::cli::console::print::tell_warning;
 use crate::model::constraint::Constraint;
 use crate::model::effects::Chosen;
-use crate::report::text::number::significant;
 use crate::results::model_file::Entry;
 use crate::study::Study;
 use crate::study::hold::{self, Hold};
@@ -36,10 +35,8 @@ pub fn check<'a>(names: impl Iterator<Item = &'a String> + Clone) -> Result<(), 
 
 /// Warns of values of an `option` that lie outside the bounds of a fit.
 pub fn warn_beyond(option: &str, study: &Study, effects: &[Chosen], values: &[(String, f64)]) {
-    for hold::Beyond { name, value, lower, upper } in hold::beyond(study.rig(), study.runs(), effects, values) {
-        let [lower, upper] = [lower, upper].map(|bound| significant(bound, 3));
-        let value = if (1e-4..1e9).contains(&value.abs()) { value.to_string() } else { format!("{value:e}") };
-        tell_warning!("{option} {name}={value} lies outside the bounds of a fit, {lower} to {upper}: check its unit");
+    for beyond in hold::beyond(study.rig(), study.runs(), effects, values) {
+        tell_warning!("{option} {beyond}");
     }
 }
 

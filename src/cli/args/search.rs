@@ -7,9 +7,8 @@ use clap::ValueEnum;
 
 use crate::fit::problem::method;
 use crate::fit::search::options::Options;
-use crate::model::constraint::Given;
 use crate::results::model_file::Entry;
-use crate::study::models;
+use crate::study::{models, search};
 
 /// More would take hours of any model.
 const MOST_STARTS: i64 = 10_000;
@@ -76,31 +75,15 @@ impl Search {
         &self.start
     }
 
-    /// Refuses a start for what is `held`: it does not move.
-    ///
-    /// # Errors
-    /// The first such.
-    pub fn check_held<'a>(&self, mut held: impl Iterator<Item = &'a str>) -> Result<(), String> {
-        match held.find(|held| self.start.iter().any(|(name, _)| name == held)) {
-            None => Ok(()),
-            Some(name) => {
-                Err(format!("{name} is held, so it cannot start elsewhere: leave it out of --start, or do not hold it"))
-            }
-        }
-    }
-
-    /// Refuses a start for what is none of the `known` parameters.
-    ///
-    /// # Errors
-    /// The first such.
-    pub fn check<'a>(&self, known: impl Iterator<Item = &'a str> + Clone) -> Result<(), String> {
-        match self.start.iter().find(|(name, _)| !known.clone().any(|k| k == name)) {
-            None => Ok(()),
-            Some((name, _)) => {
-                let known: std::collections::BTreeSet<&str> = known.collect();
-                let known = known.into_iter().collect::<Vec<_>>().join(", ");
-                Err(format!("the model has no parameter '{name}' to start; it has {known}"))
-            }
+    /// The same as the library takes it.
+    pub fn said(&self) -> search::Search {
+        search::Search {
+            method: self.method.into(),
+            starts: self.starts.map(|n| n as usize),
+            budget: self.budget.map(|n| n as usize),
+            steps: self.steps,
+            seed: Some(self.seed),
+            start: self.start.clone(),
         }
     }
 
@@ -110,43 +93,5 @@ impl Search {
     /// A file of models that cannot be read.
     pub fn from(&self) -> Result<Option<Entry>, Box<dyn Error + Send + Sync>> {
         self.from.as_ref().map(|path| Ok(models::load(path)?.current().clone())).transpose()
-    }
-
-    /// Refuses what the method does not heed.
-    fn refuse_unheeded(&self) -> Result<(), String> {
-        use Method::{Global, GlobalLocal, LeastSquares, MicroGa, Stepwise};
-        let unheeded = |option: &str, given: bool, of: &[Method]| match given && !of.contains(&self.method) {
-            false => Ok(()),
-            true => {
-                let names: Vec<&str> = of.iter().map(|&m| method::Method::from(m).name()).collect();
-                let own = method::Method::from(self.method).name();
-                Err(format!("{option} is for --method {}; --method {own} does not use it", names.join(", ")))
-            }
-        };
-        unheeded("--starts", self.starts.is_some(), &[LeastSquares])?;
-        unheeded("--budget", self.budget.is_some(), &[Global, MicroGa, GlobalLocal])?;
-        unheeded("--steps", self.steps.is_some(), &[Stepwise])
-    }
-
-    /// Options of a fit that searches so, going on `from` a model.
-    ///
-    /// # Errors
-    /// What the method does not heed.
-    pub fn options(&self, from: Option<&Entry>) -> Result<Options, String> {
-        self.refuse_unheeded()?;
-        let given = self.start.iter().map(|(name, value)| Given { name: name.clone(), run: None, value: *value });
-        // The command line goes first.
-        let starts_at = given.chain(from.iter().flat_map(|model| model.given())).collect();
-        let usual = Options::default();
-        Ok(Options {
-            method: self.method.into(),
-            starts: self.starts.map_or(usual.starts, |n| n as usize),
-            budget: self.budget.map_or(usual.budget, |budget| budget as usize),
-            seed: self.seed,
-            most_steps: self.steps.unwrap_or(usual.most_steps),
-            features_left: from.map(|model| model.features_left.clone()),
-            starts_at,
-            ..usual
-        })
     }
 }

@@ -76,7 +76,7 @@ pub struct Args {
 /// Recordings that cannot be read or show no closure, effects that do not exist, a report that cannot be written.
 pub fn run(args: Args, json: bool) -> CommandResult {
     let from = args.search.from()?;
-    let searched = args.compare.options(args.search.options(from.as_ref())?)?;
+    let searched = args.compare.options(args.search.said().options(from.as_ref())?)?;
     output::check_apart(&[
         ("-o", args.output.path()),
         ("--save", args.save.as_deref()),
@@ -89,7 +89,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     hold::check(args.hold.iter().map(|hold| &hold.name))?;
     let fixed = from.iter().flat_map(|model| &model.parameters).filter(|p| p.fixed).map(|p| p.name.as_str());
     let held = args.hold.iter().filter(|hold| hold.fixed()).map(|hold| hold.name.as_str()).chain(fixed);
-    args.search.check_held(held.clone())?;
+    args.search.said().check_held(held.clone())?;
     args.profiles.check(held)?;
     let mut file =
         args.save.as_ref().map(|path| models::about(path, &args.recordings, args.rig.as_deref())).transpose()?;
@@ -120,7 +120,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         }
         fits.push((title(effects), fit));
     }
-    args.search.check(fits.iter().flat_map(|(_, fit)| &fit.parameters).map(|p| p.name.as_str()))?;
+    args.search.said().check(fits.iter().flat_map(|(_, fit)| &fit.parameters).map(|p| p.name.as_str()))?;
     let stages: Vec<Stage> = fits.iter().map(|(title, fit)| Stage { title: title.clone(), fit }).collect();
     let Some((_, last)) = fits.last() else { return Ok(Outcome::Done) };
     let warned = warnings(last, study.runs());

@@ -17,15 +17,16 @@ use crate::cli::console::understood;
 use crate::recording::Recording;
 use crate::report::advice::quoted;
 use crate::rig::Rig;
-use crate::rig::check::return_time_s;
 use crate::shown::Shown as _;
 use crate::signal::doubts::doubts;
 use crate::signal::faults::{in_words, sensor_faults};
 use crate::signal::window::{Passing, used};
 use crate::signal::{SignalError, inspect};
-use crate::storage::import::{Imported, LongImport, Pass, Repair, SourceOptions, import_file, unit_warnings};
+use crate::storage::import::{Imported, LongImport, Pass, Repair, SourceOptions, unit_warnings};
 use crate::storage::together::{Together, recorded, together};
-use crate::storage::{ImportOptions, LogError, Summary, write};
+use crate::storage::{ImportOptions, Summary, write};
+use crate::study;
+use crate::study::import::ImportError;
 
 /// Turn time series (CSV, Excel, TDMS, MCAP of other programs) into a recording.
 ///
@@ -90,7 +91,7 @@ struct Report {
 /// Runs it.
 ///
 /// # Errors
-/// See [`import_file`], [`align`] and [`write`].
+/// See [`import`](study::import::import), [`align`] and [`write`].
 pub fn run(args: Args, json: bool) -> CommandResult {
     let Some(rig) = &args.rig else {
         let file = quoted(&args.files[0].shown());
@@ -139,8 +140,8 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         let elsewhere = recorded(&parts, &rig);
         let foreign = SourceOptions { flow: foreign.flow.filter(|_| i == 0), elsewhere, ..foreign.clone() };
         let options = ImportOptions { start_unix_ns: start_of(path, &args.start), without: args.without.clone() };
-        let read = |source: &SourceOptions| busy(path, || import_file(path, &rig, &options, source, alone));
-        let imported = read(&foreign).or_else(|error| guessed(path, error, &args, json, &foreign, &rig, read))?;
+        let read = busy(path, || study::import::import(path, &rig, &options, &foreign, alone));
+        let imported = read.or_else(|error| guessed(path, error, &args, json))?;
         understood.extend(json.then(|| imported.understood(path)));
         let Imported { recording, repairs, start_digit_s, names, .. } = imported;
         columns.extend(names);
@@ -156,38 +157,22 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     Done { used, summary, reports, joined, clocks, left_out, understood }.tell(&args, &output, json)
 }
 
-/// The file read again with guesses, which the user has accepted; otherwise the error that the file gave without them.
-fn guessed(
-    path: &Path,
-    error: LogError,
-    args: &Args,
-    json: bool,
-    foreign: &SourceOptions,
-    rig: &Rig,
-    read: impl Fn(&SourceOptions) -> Result<Imported, LogError>,
-) -> Result<Imported, AnyError> {
-    let water = rig.fluid.properties(rig.fluid.temperature_degc);
-    let period_s = 2.0 * return_time_s(rig, &water);
-    let source = SourceOptions { guess: true, period_s: Some(period_s), ..foreign.clone() };
+/// The file with guesses that the user has accepted; otherwise the error that it gave without them.
+fn guessed(path: &Path, error: ImportError, args: &Args, json: bool) -> Result<Imported, AnyError> {
     let asks = !json && stdin().is_terminal() && stderr().is_terminal();
-    let imported = match read(&source) {
-        Ok(imported) => imported,
+    let ImportError::Guessed { imported, .. } = &error else {
         // With guesses it came further.
-        Err(further) if args.yes || asks => return Err(further.into()),
-        Err(_) => return Err(error.into()),
+        return if args.yes || asks { Ok(error.accepted()?) } else { Err(error.told()) };
     };
-    tell!("{}", understood::text(path, &imported));
+    tell!("{}", understood::text(path, imported));
     if args.yes {
-        return Ok(imported);
+        return Ok(error.accepted()?);
     }
     if !asks {
-        return Err(format!(
-            "nothing was imported yet: add --yes to import it as understood above, or mend this: {error}"
-        )
-        .into());
+        return Err(error.told());
     }
     if ask::agreed("Import it so?")? {
-        return Ok(imported);
+        return Ok(error.accepted()?);
     }
     Err("nothing was imported: say what is different with --time-unit, --rate, --map, --scale or --ignore".into())
 }

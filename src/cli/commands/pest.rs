@@ -82,8 +82,8 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     check_folder(&args.output, args.overwrite)?;
     hold::check(args.hold.iter().map(|hold| &hold.name))?;
     let from = args.search.from()?;
-    args.search.check_held(args.hold.iter().filter(|hold| hold.fixed()).map(|hold| hold.name.as_str()))?;
-    let searched = args.search.options(from.as_ref())?;
+    args.search.said().check_held(args.hold.iter().filter(|hold| hold.fixed()).map(|hold| hold.name.as_str()))?;
+    let searched = args.search.said().options(from.as_ref())?;
     let mut study = recordings::open(&args.recordings, args.rig.as_deref())?;
     let mut effects = args.effects.clone();
     let priors = args.creep.priors(&study, &mut effects)?;
@@ -104,7 +104,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let mut window = Window { reaches: REACHES, horizon_s: f64::INFINITY, stride: 1 };
     let mut problem = FitProblem::new(&model, runs, window);
     problem.validate_constraints(&options.constraints)?;
-    args.search.check(problem.parameters.iter().map(|p| p.name.as_str()))?;
+    args.search.said().check(problem.parameters.iter().map(|p| p.name.as_str()))?;
     let values = fit.as_ref().map_or_else(|| problem.values(&problem.start()), |f| f.values());
     let shared = &values[..model.shared.len()];
     let default = || model.fitting_reaches(shared, REACHES.max(model.least_reaches(shared)));

@@ -15,15 +15,16 @@ use crate::cli::console::print::{say, say_text, tell, tell_warning};
 use crate::cli::console::progress::busy;
 use crate::fit::problem::observed::Place;
 use crate::model::constraint::Given;
-use crate::model::effects::{ATMOSPHERE_PA, Chosen, boils, parse_list};
+use crate::model::effects::{Chosen, parse_list};
 use crate::model::trace::Trace;
 use crate::record::session::output::check_path;
 use crate::report::energy;
 use crate::report::pest::observations::{HEADER, Table};
-use crate::report::text::number::{duration, rounded};
-use crate::rig::{Coupling, Rig};
+use crate::report::text::number::rounded;
+use crate::rig::Rig;
 use crate::shown::Shown as _;
 use crate::simulate::as_recorded::as_recorded;
+use crate::simulate::cavities::unmodelled;
 use crate::simulate::playback::Timing;
 use crate::simulate::scenario::{Scenario, ValveForm};
 use crate::simulate::synthetic::{Instruments, recording_of};
@@ -143,7 +144,7 @@ pub fn run(mut args: Args, json: bool) -> CommandResult {
         )
         .into());
     }
-    warn_of_cavities(&scenario, &traces);
+    unmodelled(&scenario, &traces).iter().for_each(|warning| tell_warning!("{warning}"));
     match &args.output {
         Some(path) => output::write_with(path, |out| write_csv(&scenario, &traces, step_s, duration_s, out))?,
         None if json => {}
@@ -199,7 +200,7 @@ fn run_recorded(args: &Args, scenario: &Scenario, path: &Path, json: bool) -> Co
     let start = Instant::now();
     let traces = scenario.simulate(after_s)?;
     let recording = busy(path, || recording_of(scenario, &traces, &instruments))?;
-    warn_of_cavities(scenario, &traces);
+    unmodelled(scenario, &traces).iter().for_each(|warning| tell_warning!("{warning}"));
     write(path, &recording)?;
     let seconds = start.elapsed().as_secs_f64();
     tell_what_was_not_set(
@@ -333,27 +334,4 @@ fn write_csv(
 
 fn to_digits(value: f64, digits: usize) -> f64 {
     format!("{value:.*e}", digits - 1).parse().unwrap_or(value)
-}
-
-/// Without the physics of cavities a head below vapour pressure is a number, not water.
-fn warn_of_cavities(scenario: &Scenario, traces: &[Trace]) {
-    if boils(&scenario.effects) {
-        return;
-    }
-    let least_pa = scenario.water.vapour_pressure_pa - ATMOSPHERE_PA;
-    // A piezoelectric sensor shows no head to judge by.
-    let steady = scenario.rig.pressure_sensors().zip(traces).filter(|((_, s), _)| s.coupling == Coupling::Dc);
-    for ((_, sensor), trace) in steady {
-        let elevation_m = scenario.rig.sensor_elevation_m(sensor);
-        let least_head_m = elevation_m + least_pa / (scenario.water.density_kg_m3 * crate::units::GRAVITY_M_S2);
-        if let Some(step) = trace.values.iter().position(|&h| h < least_head_m) {
-            tell_warning!(
-                "at {} the pressure falls below vapour pressure {} after the start of the closure; this model does \
-                 not let the water boil, so what follows is not physical: add vapour-cavity, or take a lower velocity or a higher \
-                 head",
-                sensor.name,
-                duration(step as f64 * trace.dt_s)
-            );
-        }
-    }
 }

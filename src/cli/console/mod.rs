@@ -11,5 +11,6 @@ pub(crate) mod page;
 pub(crate) mod print;
 pub(crate) mod progress;
 pub(crate) mod recorded;
+pub mod refusal;
 pub(crate) mod stop;
-pub(crate) mod understood;
+pub mod understood;

@@ -3,10 +3,11 @@
 use crate::diagnose::limits::{START_DOUBTFUL, WORSE_PREDICTION};
 use crate::diagnose::visible::Visible;
 use crate::fit::outcome::fit::{Fit, FittedParameter};
+use crate::interned::Text;
 use crate::number::probability;
 
 /// The verdict of a diagnosis.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum Verdict {
     /// An effect of the catalogue is missing.
     MissingEffect,
@@ -28,10 +29,11 @@ impl Verdict {
 }
 
 /// An effect that may be missing.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, serde::Serialize, serde::Deserialize)]
 pub struct Candidate {
     /// Its name in the catalogue.
-    pub effect: &'static str,
+    #[serde(deserialize_with = "crate::interned::text")]
+    pub effect: Text,
     /// The form that fits best, as on the command line.
     pub label: String,
     /// The probability that it is the one that is missing.
@@ -49,15 +51,17 @@ pub struct Candidate {
     /// Its own parameters.
     pub parameters: Vec<FittedParameter>,
     /// Other effects that these data cannot tell apart from it.
+    #[serde(deserialize_with = "crate::interned::texts")]
     pub indistinguishable_from: Vec<&'static str>,
     /// The full fit, if there is one.
     pub fit: Option<Fit>,
 }
 
 /// Two effects that explain together what neither explains alone.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, serde::Serialize, serde::Deserialize)]
 pub struct Pair {
     /// Their names in the catalogue.
+    #[serde(deserialize_with = "crate::interned::pair")]
     pub effects: [&'static str; 2],
     /// Their forms, as on the command line.
     pub labels: [String; 2],
@@ -74,7 +78,7 @@ pub struct Pair {
 }
 
 /// Two effects that explain the records nearly as well as the [`Pair`] that is the answer.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct RivalPair {
     /// Their forms, as on the command line.
     pub labels: [String; 2],
@@ -85,7 +89,7 @@ pub struct RivalPair {
 }
 
 /// The outcome of a diagnosis.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, serde::Serialize, serde::Deserialize)]
 pub struct Diagnosis {
     /// The verdict.
     pub verdict: Verdict,
@@ -106,6 +110,7 @@ pub struct Diagnosis {
     /// Other pairs that these records cannot tell from it, the most probable first.
     pub rival_pairs: Vec<RivalPair>,
     /// Effects that were not tried, each with the reason.
+    #[serde(deserialize_with = "crate::interned::with_words")]
     pub left_out: Vec<(&'static str, String)>,
     /// RMSE of the start model over the last two fifths of the records after a fit to what comes before, m.
     pub held_out_m: Option<f64>,

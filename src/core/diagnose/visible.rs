@@ -10,10 +10,11 @@ use crate::diagnose::candidate::Form;
 use crate::diagnose::evidence::EvidenceScale;
 use crate::diagnose::limits::LEAST_EVIDENCE;
 use crate::fit::numeric::least_squares::Problem;
+use crate::interned::Text;
 use crate::model::parameter::{Parameter, Scale};
 
 /// The least of an effect that these recordings would show.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Visible {
     /// The effect, as on the command line.
     pub effect: String,
@@ -24,7 +25,8 @@ pub struct Visible {
     /// Where the effect vanishes.
     pub vanishes_at: f64,
     /// Its unit.
-    pub unit: &'static str,
+    #[serde(deserialize_with = "crate::interned::text")]
+    pub unit: Text,
 }
 
 /// The least visible size of each form that has a strength, at its usual place, if it lies within the parameter's

@@ -1,10 +1,7 @@
 //! How far a computation has come.
 
-use std::cell::RefCell;
 use std::fmt;
-use std::panic::resume_unwind;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::model::constraint::Given;
 use crate::model::effects::Chosen;
@@ -43,25 +40,6 @@ pub struct Fitting {
 
 /// Learns how far a computation has come; it may be called from several threads.
 pub type OnProgress<'a> = dyn Fn(&Progress) + Sync + 'a;
-
-thread_local! {
-    static STOP: RefCell<Option<Arc<AtomicBool>>> = const { RefCell::new(None) };
-}
-
-/// What a computation unwinds with when somebody stops it.
-pub struct Stopped;
-
-/// Makes computations on this thread unwind with [`Stopped`], at the next model that they run, once `stop` is set. Whoever starts them catches it.
-pub fn heed(stop: Arc<AtomicBool>) {
-    STOP.set(Some(stop));
-}
-
-/// Unwinds if somebody stops this thread's computations.
-pub fn stop_if_told() {
-    if STOP.with_borrow(|stop| stop.as_ref().is_some_and(|stop| stop.load(Ordering::Relaxed))) {
-        resume_unwind(Box::new(Stopped));
-    }
-}
 
 impl Progress {
     /// Of the fit of a model.

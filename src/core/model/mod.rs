@@ -32,6 +32,7 @@ pub(crate) mod simulate;
 pub mod solver;
 pub(crate) mod state;
 pub mod steady;
+pub mod stop;
 pub mod trace;
 pub(crate) mod unsteady_kernels;
 pub mod valve_from_head;

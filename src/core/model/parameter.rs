@@ -1,7 +1,7 @@
 //! A parameter: its name with the unit, its bounds, and its scale in a fit.
 
 /// Scale on which a fit moves a parameter.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 pub enum Scale {
     /// In equal steps.
     #[default]

@@ -8,6 +8,7 @@ use crate::model::error::ModelError;
 use crate::model::node::{Arriving, Node, Spread};
 use crate::model::state::{Reading, State};
 use crate::model::steady::Steady;
+use crate::model::stop::Heeded;
 use crate::model::trace::{Probe, Trace};
 
 /// Rounds in which elements that meet at a joint learn of each other's flows. A round gains digits: what one takes at once changes the other's head little.
@@ -69,7 +70,9 @@ impl<'a> Line<'a> {
         let mut meetings = Vec::with_capacity(self.joints.len());
         let mut traces: Vec<Trace> = readings.iter().map(|_| Trace::with_capacity(grid.dt_s, steps + 1)).collect();
         state.read(&mut traces, &readings);
+        let heeded = Heeded::by_this_thread();
         for step in 1..=steps {
+            heeded.stop_if_told();
             let time_s = step as f64 * grid.dt_s;
             self.step(&mut state, &ends, &mut meetings, time_s, sweeps, balance.as_mut());
             state.read(&mut traces, &readings);

@@ -67,6 +67,11 @@ fn residuals(sensor: &str, stages: &[Stage]) -> String {
     stages.iter().enumerate().map(of).collect::<Vec<_>>().join("\n")
 }
 
+/// Figures and still pictures of a sensor.
+pub(crate) fn pictures(panel: &Panel, stages: &[Stage]) -> String {
+    format!("<p class=\"facts\">{}</p>\n{}", facts(panel, stages), still(panel, stages, None))
+}
+
 fn facts(panel: &Panel, stages: &[Stage]) -> String {
     let fit = panel.fit;
     let before = stages.first().filter(|_| stages.len() > 1).and_then(|s| find(s.fit, panel.file, &fit.name));

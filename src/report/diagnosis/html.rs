@@ -43,9 +43,9 @@ fn compared<'a>(page: &Page<'a>) -> Vec<Stage<'a>> {
 }
 
 /// Mark, class and sentence of the verdict of all diagnoses together.
-pub(crate) fn verdict(page: &Page) -> (&'static str, &'static str, String) {
-    let Some(last) = page.diagnoses.last() else { return ("?", "unknown", String::new()) };
-    let missing: Vec<_> = page.diagnoses.iter().filter(|d| d.verdict == Verdict::MissingEffect).collect();
+pub(crate) fn verdict(stages: &[Stage], diagnoses: &[Diagnosis]) -> (&'static str, &'static str, String) {
+    let Some(last) = diagnoses.last() else { return ("?", "unknown", String::new()) };
+    let missing: Vec<_> = diagnoses.iter().filter(|d| d.verdict == Verdict::MissingEffect).collect();
     let found: Vec<&Candidate> = missing.iter().filter_map(|d| d.candidates.first()).collect();
     let names: Vec<String> =
         missing.iter().map(|d| format!("{} (probability {})", d.answer_label(), probability(d.probability))).collect();
@@ -54,10 +54,10 @@ pub(crate) fn verdict(page: &Page) -> (&'static str, &'static str, String) {
         names => {
             let sure = missing.iter().all(|d| d.probability >= 0.5);
             let head = if sure { "Missing" } else { "Something is missing; most likely" };
-            format!("{head}: {}. {} ", names.join(", then "), summary::verdict(&page.stages))
+            format!("{head}: {}. {} ", names.join(", then "), summary::verdict(stages))
         }
     };
-    let missing = missing + &unsure(page.diagnoses);
+    let missing = missing + &unsure(diagnoses);
     let (error, model) = (overall(&last.start), start_model(last));
     let (rmse, noise) = (error_m(error.rmse_m), times_noise(error.rmse_m, error.noise_m));
     match last.verdict {

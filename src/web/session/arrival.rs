@@ -14,14 +14,14 @@ use crate::draft::reading::Reading;
 use crate::draft::remark::Weight;
 use crate::recording::Recording;
 use crate::rig::Rig;
-use crate::rig::check::return_time_s;
 use crate::shown::Shown as _;
 use crate::signal::doubts::doubts;
 use crate::signal::faults::sensor_faults;
 use crate::signal::inspect;
-use crate::storage::import::{ImportOptions, Imported, Repair, SourceOptions, import_file, read_source, unit_warnings};
+use crate::storage::import::{ImportOptions, Imported, Repair, SourceOptions, read_source, unit_warnings};
 use crate::storage::together::{recorded, together};
 use crate::storage::{keep, read, write};
+use crate::study::import::import;
 use crate::watch::evaluate::sentence;
 use crate::web::session::new_rig::{free, name_of};
 
@@ -270,9 +270,5 @@ fn imported(
 ) -> Result<Imported, AnyError> {
     let options = ImportOptions { without: dropped.without.clone(), ..ImportOptions::default() };
     let said = SourceOptions { map: dropped.map.clone(), ignore: dropped.ignore.clone(), guess: false, ..reading };
-    import_file(path, rig, &options, &said, alone).or_else(|_| {
-        let period_s = 2.0 * return_time_s(rig, &rig.fluid.properties(rig.fluid.temperature_degc));
-        let guessing = SourceOptions { guess: true, period_s: Some(period_s), ..said };
-        Ok(import_file(path, rig, &options, &guessing, alone)?)
-    })
+    import(path, rig, &options, &said, alone).or_else(|error| Ok(error.accepted()?))
 }

@@ -9,7 +9,8 @@ use std::time::{Duration, Instant};
 use rayon::ThreadPoolBuilder;
 use serde_json::json;
 
-use crate::fit::progress::{Passing, Progress, Stopped, heed, stop_if_told};
+use crate::fit::progress::{Passing, Progress};
+use crate::model::stop::{Stopped, heed, stop_if_told};
 use crate::watch::evaluate::sentence;
 use crate::web::session::events::Hub;
 

@@ -183,7 +183,9 @@ fn list(json: bool) -> CommandResult {
 
 /// How this program is called from where the user stands: by its name where the PATH leads to it, otherwise by its path.
 fn program() -> String {
-    let Ok(own) = std::env::current_exe() else { return "surgescope".to_owned() };
+    // Within another program, such as Python, it is called by its name.
+    let own = std::env::current_exe().ok().filter(|own| own.file_stem().is_some_and(|name| name == "surgescope"));
+    let Some(own) = own else { return "surgescope".to_owned() };
     let name = own.file_name().unwrap_or(own.as_os_str());
     let path = std::env::var_os("PATH").unwrap_or_default();
     if std::env::split_paths(&path)

@@ -6,17 +6,19 @@ use crate::fit::outcome::uncertainty::Uncertainty;
 use crate::fit::outcome::unidentifiable::Unidentifiable;
 use crate::fit::problem::compare::ExtremumError;
 use crate::fit::problem::method::Method;
+use crate::interned::Text;
 use crate::model::constraint::Given;
 use crate::model::effects::Chosen;
 use crate::model::parameter::Scale;
 
 /// One fitted parameter.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct FittedParameter {
     /// Name; a per-run parameter carries its run's file name in `run`.
     pub name: String,
     /// What it is, in plain words.
-    pub about: &'static str,
+    #[serde(deserialize_with = "crate::interned::text")]
+    pub about: Text,
     /// The run it belongs to where it is not shared by all.
     pub run: Option<String>,
     /// Value in `unit`.
@@ -31,7 +33,8 @@ pub struct FittedParameter {
     /// What the rig file's tolerances add, the same for every run of the rig: a standard deviation in `unit`, where they reach it.
     pub rig_error: Option<f64>,
     /// Display unit.
-    pub unit: &'static str,
+    #[serde(deserialize_with = "crate::interned::text")]
+    pub unit: Text,
     /// It ended at one of its bounds.
     pub at_bound: bool,
     /// Least value that the fit could take, in `unit`.
@@ -65,7 +68,7 @@ impl FittedParameter {
 }
 
 /// Measurement and model at one pressure sensor, heads in m, all vectors of one length.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct SensorFit {
     /// Sensor name.
     pub name: String,
@@ -103,7 +106,7 @@ impl SensorFit {
 }
 
 /// One run under the fitted model.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct RunFit {
     /// File name.
     pub file: String,
@@ -151,7 +154,7 @@ pub struct UnknownParameter {
 }
 
 /// A calibrated model of one run or of several.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Fit {
     /// The method of search.
     pub method: Method,
@@ -176,6 +179,7 @@ pub struct Fit {
     /// The steps of a stepwise calibration; none of any other.
     pub steps: Vec<StepTaken>,
     /// Names of the features that were still to be used when a stepwise calibration stopped.
+    #[serde(deserialize_with = "crate::interned::texts")]
     pub features_left: Vec<&'static str>,
     /// Why it stopped, in words.
     pub stopped_because: String,

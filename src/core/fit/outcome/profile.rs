@@ -3,7 +3,7 @@
 use crate::fit::outcome::thresholds::PROFILE_DIFFERS;
 
 /// The profile of one parameter, in its own unit.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Profile {
     /// The 95% interval; an end that is open or not known is infinite.
     pub interval_95: (f64, f64),

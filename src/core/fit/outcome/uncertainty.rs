@@ -1,7 +1,7 @@
 //! How well a fit knows a value.
 
 /// How well a fit knows a value. [`standard_error`](Uncertainty::standard_error) is the same as a number, for tables and files.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[non_exhaustive]
 pub enum Uncertainty {
     /// It has this standard error, in the value's unit.

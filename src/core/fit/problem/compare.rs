@@ -7,7 +7,7 @@ const NEAR: f64 = 0.1;
 const MOST_NEAR: f64 = 0.25;
 
 /// One extremum in measurement and model.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct ExtremumError {
     /// Cycle from 1.
     pub cycle: usize,

@@ -1,7 +1,7 @@
 //! The method of search.
 
 /// The methods of search.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 pub enum Method {
     /// Bounded Levenberg-Marquardt from several starts.
     #[default]
@@ -17,6 +17,10 @@ pub enum Method {
 }
 
 impl Method {
+    /// Every method.
+    pub const ALL: [Method; 5] =
+        [Method::LeastSquares, Method::Global, Method::MicroGa, Method::GlobalLocal, Method::Stepwise];
+
     /// Its name, as on the command line.
     pub fn name(self) -> &'static str {
         match self {

@@ -107,6 +107,21 @@ pub fn parse_list(text: &str) -> Result<Vec<Chosen>, ModelError> {
     Ok(chosen)
 }
 
+/// As on the command line.
+impl serde::Serialize for Chosen {
+    fn serialize<S: serde::Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        to.serialize_str(&self.label())
+    }
+}
+
+impl<'de> serde::Deserialize<'de> for Chosen {
+    fn deserialize<D: serde::Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        let label = String::deserialize(from)?;
+        let mut chosen = parse_list(&label).map_err(serde::de::Error::custom)?;
+        chosen.pop().ok_or_else(|| serde::de::Error::custom("an effect has no name"))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -3,7 +3,6 @@
 use crate::fit::numeric::least_squares::Problem;
 use crate::fit::problem::fit_problem::{FitProblem, Modelled};
 use crate::fit::problem::latest::Kept;
-use crate::fit::progress::stop_if_told;
 use crate::model::energy::Energy;
 use crate::model::trace::Probe;
 use crate::model::{Conditions, Model, ModelError, Resolution, RunValues, Simulated};
@@ -99,7 +98,6 @@ impl<'a> FitProblem<'a> {
         places_m: &[f64],
         simulate: Simulate<'a>,
     ) -> Result<Simulated, ModelError> {
-        stop_if_told();
         let start_s = self.closure_start_s(r, values);
         let probes: Vec<Probe> = places_m.iter().map(|&place| Probe::Head(place)).collect();
         let mut conditions = self.runs[r].conditions.clone();
