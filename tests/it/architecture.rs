@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The rooms from the cellar up. A room may use what stands before it, with the exceptions below.
-const ROOMS: [&str; 29] = [
+const ROOMS: [&str; 30] = [
     "units",
     "number",
     "shown",
@@ -33,6 +33,7 @@ const ROOMS: [&str; 29] = [
     "report",
     "replay",
     "watch",
+    "campaign",
     "web",
     "cli",
 ];
