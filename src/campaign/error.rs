@@ -27,6 +27,8 @@ pub enum CampaignError {
     Marks { file: PathBuf, bytes: usize, tasks: usize },
     #[error("the results cannot be written to {}: {source}. What was finished before is kept: make room, and run the same command again", path.shown())]
     Unwritten { path: PathBuf, source: io::Error },
+    #[error("{}: the name is no text in UTF-8, so no job can name it: rename it", .0.shown())]
+    Name(PathBuf),
     #[error("the marks of the tasks cannot be used: {source}")]
     Claim { source: io::Error },
     #[error("the program cannot start itself as {}: {source}", program.shown())]

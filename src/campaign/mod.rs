@@ -10,9 +10,11 @@
 //! | `marks` | a byte a task: missing, done, failed; a runner at work on a task holds the lock of its byte |
 //! | `results/*.jsonl` | what runners have found: a file a runner, a line a task |
 //! | `failures/*.jsonl` | why tasks failed, likewise |
+//! | `jobs/` | jobs of engines that schedule, and what their shards said |
 //! | `inputs/` | copies of the inputs, where they were asked for |
 
 pub mod child;
+pub mod engine;
 pub mod error;
 pub mod folder;
 pub mod input;
