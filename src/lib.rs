@@ -47,6 +47,7 @@
 //! | [`study`] | the front door |
 //! | [`report`] | tables, JSON and HTML |
 //! | [`replay`] | results kept beside recordings, and whether they still hold |
+//! | [`campaign`] | thousands of fits, planned once and run in shards |
 //! | [`watch`] | from a finished recording to its verdict, without a person |
 //! | [`web`] | the workbench in the browser |
 //! | [`cli`] | the program: one thin file per command |
@@ -72,6 +73,7 @@
 //! ```
 #![warn(missing_docs)]
 
+pub mod campaign;
 pub mod cli;
 pub mod draft;
 #[cfg(feature = "live")]

@@ -4,6 +4,7 @@ pub mod fit_file;
 pub mod fit_record;
 pub mod history;
 pub mod model_file;
+pub mod parquet;
 pub mod table;
 
 #[cfg(test)]

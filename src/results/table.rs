@@ -4,6 +4,7 @@ use std::collections::HashMap;
 use std::io::Write;
 
 use crate::results::fit_record::{FitRecord, Parameter, Run};
+use crate::results::parquet::{Column, parquet};
 use crate::shown::cell;
 
 /// Columns that each row of a wide table begins with.
@@ -47,6 +48,40 @@ const LONG_COLUMNS: [&str; 19] = [
     "lower",
     "upper",
     "scale",
+];
+
+/// Columns that hold texts, in tables of fits and of campaigns; all others hold numbers.
+const TEXTS: [&str; 30] = [
+    "fit",
+    "file",
+    "rig",
+    "fitted_at",
+    "recorded_at",
+    "effects",
+    "method",
+    "converged",
+    "parameter",
+    "run",
+    "interval_by",
+    "unit",
+    "at_bound",
+    "held",
+    "scale",
+    "task",
+    "kind",
+    "case",
+    "recordings",
+    "seed",
+    "state",
+    "reason",
+    "fitted_effects",
+    "verdict",
+    "answer",
+    "best",
+    "indistinguishable_from",
+    "truth",
+    "right",
+    "sensor",
 ];
 
 /// A table of text; an empty cell is what is not known.
@@ -145,6 +180,22 @@ fn number(value: Option<f64>) -> String {
 }
 
 impl Table {
+    /// As Parquet: texts, and numbers with NaN for what is not known.
+    pub fn parquet(&self) -> Vec<u8> {
+        let is_text = |name: &str| TEXTS.contains(&name) || name.ends_with("_at_bound");
+        let texts: Vec<Vec<&str>> =
+            (0..self.columns.len()).map(|c| self.rows.iter().map(|row| row[c].as_str()).collect()).collect();
+        let numbers = |(name, column): (&String, &Vec<&str>)| match is_text(name) {
+            true => Vec::new(),
+            false => column.iter().map(|text| text.parse().unwrap_or(f64::NAN)).collect(),
+        };
+        let numbers: Vec<Vec<f64>> = self.columns.iter().zip(&texts).map(numbers).collect();
+        let typed = self.columns.iter().zip(texts.iter().zip(&numbers)).map(|(name, (texts, numbers))| {
+            (name.clone(), if is_text(name) { Column::Texts(texts) } else { Column::Numbers(numbers) })
+        });
+        parquet(&typed.collect::<Vec<_>>())
+    }
+
     /// As CSV (RFC 4180, lines end with a line feed).
     ///
     /// # Errors

@@ -116,13 +116,13 @@ pub fn check_new(path: &Path, overwrite: bool) -> Result<(), AnyError> {
 ///
 /// # Errors
 /// As [`check_new`]; if it cannot be written.
-pub fn write_new(path: &Path, content: &str, overwrite: bool) -> Result<(), AnyError> {
+pub fn write_new(path: &Path, content: impl AsRef<[u8]>, overwrite: bool) -> Result<(), AnyError> {
     check_new(path, overwrite)?;
     if overwrite || path.exists() {
-        return Ok(write(path, content)?);
+        return Ok(write_with(path, |out| out.write_all(content.as_ref()))?);
     }
     let mut beside = temporary_beside(path)?;
-    beside.write_all(content.as_bytes()).map_err(|e| LogError::io("write", path, e))?;
+    beside.write_all(content.as_ref()).map_err(|e| LogError::io("write", path, e))?;
     Ok(publish_new(beside, path)?)
 }
 

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The rooms from the cellar up. A room may use what stands before it, with the exceptions below.
-const ROOMS: [&str; 32] = [
+const ROOMS: [&str; 33] = [
     "units",
     "interned",
     "number",
@@ -36,6 +36,7 @@ const ROOMS: [&str; 32] = [
     "report",
     "replay",
     "watch",
+    "campaign",
     "web",
     "cli",
 ];

@@ -3,6 +3,7 @@
 pub mod accept;
 pub mod add;
 pub mod calibrate;
+pub mod campaign;
 pub mod completions;
 pub mod creep;
 pub mod cross_validate;

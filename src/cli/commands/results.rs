@@ -5,12 +5,14 @@ use std::path::{Path, PathBuf};
 
 use serde_json::json;
 
+use crate::campaign::folder::Folder;
+use crate::campaign::table::{Gathered, gather};
 use crate::cli::console::document::say_document;
 use crate::cli::console::outcome::{CommandResult, Outcome};
-use crate::cli::console::print::{say, tell};
+use crate::cli::console::print::{say, tell, tell_warning};
 use crate::results::fit_file::Form;
 use crate::results::fit_record::FitRecord;
-use crate::results::table::{long, wide};
+use crate::results::table::{Table, long, wide};
 use crate::shown::Shown as _;
 use crate::storage::output;
 
@@ -18,14 +20,15 @@ type AnyError = Box<dyn Error + Send + Sync>;
 
 /// Put many fits into one table.
 ///
-/// It has a row for each fit and run, with errors, parameters and their standard errors.
+/// It has a row for each fit and run, with errors, parameters and their standard errors. Of the folder of a campaign, it has a row for each task,
+/// sorted by the tasks' names, and no times: it is the same however the tasks were done.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Fits that `calibrate -o` wrote, or folders of them; other files in a folder are skipped.
+    /// Fits that `calibrate -o` wrote, or folders of them; other files in a folder are skipped. Or the folder of a campaign.
     #[arg(required = true, value_name = "FIT|FOLDER")]
     fits: Vec<PathBuf>,
-    /// Table to write; must not exist.
-    #[arg(short, long, value_name = "CSV")]
+    /// Table to write, as .csv or .parquet; must not exist.
+    #[arg(short, long, value_name = "CSV|PARQUET")]
     output: PathBuf,
     /// Write a row for each parameter instead, with bounds and scale.
     #[arg(long)]
@@ -40,8 +43,17 @@ pub struct Args {
 /// # Errors
 /// A file that is no fit, a folder without any, a table that may not or cannot be written.
 pub fn run(args: Args, json: bool) -> CommandResult {
-    if !args.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv")) {
-        return Err(format!("{}: the table is a CSV file: its name must end with .csv", args.output.shown()).into());
+    let ends_with = |ending: &str| args.output.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending));
+    if !ends_with("csv") && !ends_with("parquet") {
+        return Err(format!("{}: the name of the table must end with .csv or .parquet", args.output.shown()).into());
+    }
+    if let [one] = &args.fits[..]
+        && let Ok(folder) = Folder::open(one)
+    {
+        if args.long {
+            return Err("--long is for fits: the table of a campaign has a row for each task".into());
+        }
+        return campaign(&folder, &args, json);
     }
     let mut fits: Vec<(String, FitRecord)> = Vec::new();
     for path in &args.fits {
@@ -66,9 +78,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         return Err(format!("{name} is one of the fits: choose another name for the table").into());
     }
     let table = if args.long { long(&fits) } else { wide(&fits) };
-    let mut text = Vec::new();
-    table.write_csv(&mut text)?;
-    output::write_new(&args.output, &String::from_utf8(text)?, args.overwrite)?;
+    write(&table, &args)?;
     if json {
         let document =
             json!({ "file": args.output, "fits": fits.len(), "rows": table.rows.len(), "columns": table.columns });
@@ -81,6 +91,41 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             fits.len(),
             table.columns.len()
         );
+    }
+    Ok(Outcome::Done)
+}
+
+/// The table in the form that its name asks for.
+fn write(table: &Table, args: &Args) -> Result<(), AnyError> {
+    let mut content = Vec::new();
+    match args.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("parquet")) {
+        true => content = table.parquet(),
+        false => table.write_csv(&mut content)?,
+    }
+    output::write_new(&args.output, &content, args.overwrite)
+}
+
+/// The table of a campaign.
+fn campaign(folder: &Folder, args: &Args, json: bool) -> CommandResult {
+    let Gathered { table, missing, failed, damaged } = gather(folder)?;
+    write(&table, args)?;
+    // one that was done again is in another file
+    for file in damaged.iter().filter(|_| missing > 0) {
+        tell_warning!("{} has lines that were cut off or damaged: their tasks count as missing", file.shown());
+    }
+    if missing + failed > 0 {
+        tell_warning!(
+            "{missing} tasks are missing and {failed} have failed: `surgescope campaign status {}` says more",
+            folder.root().shown()
+        );
+    }
+    let (rows, columns) = (table.rows.len(), table.columns.len());
+    if json {
+        say_document(json!({
+            "file": args.output, "rows": rows, "columns": table.columns, "missing": missing, "failed": failed,
+        }))?;
+    } else {
+        say!("{}: {rows} tasks, {columns} columns", args.output.shown());
     }
     Ok(Outcome::Done)
 }

@@ -5,6 +5,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// Set by Ctrl-C and SIGTERM.
 pub(crate) static STOP: AtomicBool = AtomicBool::new(false);
 
+/// Set by the second of them: what is at work need not be finished.
+pub(crate) static STOP_AT_ONCE: AtomicBool = AtomicBool::new(false);
+
 /// Lets Ctrl-C and the requests to terminate or hang up end the recording, not the program: its file is made whole first.
 #[cfg(unix)]
 pub(crate) fn stop_on_signals() -> std::io::Result<()> {
@@ -22,12 +25,14 @@ pub(crate) fn stop_on_signals() -> std::io::Result<()> {
         requests
     };
     let wait = async move {
-        std::future::poll_fn(|context| {
-            let any = requests.iter_mut().any(|request| request.poll_recv(context).is_ready());
-            if any { Poll::Ready(()) } else { Poll::Pending }
-        })
-        .await;
-        STOP.store(true, Ordering::Relaxed);
+        for stop in [&STOP, &STOP_AT_ONCE] {
+            std::future::poll_fn(|context| {
+                let any = requests.iter_mut().any(|request| request.poll_recv(context).is_ready());
+                if any { Poll::Ready(()) } else { Poll::Pending }
+            })
+            .await;
+            stop.store(true, Ordering::Relaxed);
+        }
     };
     std::thread::Builder::new().name("signals".into()).spawn(move || runtime.block_on(wait))?;
     Ok(())
@@ -47,8 +52,10 @@ fn ignores_hangup() -> bool {
 pub(crate) fn stop_on_signals() -> std::io::Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let wait = async {
-        if tokio::signal::ctrl_c().await.is_ok() {
-            STOP.store(true, Ordering::Relaxed);
+        for stop in [&STOP, &STOP_AT_ONCE] {
+            if tokio::signal::ctrl_c().await.is_ok() {
+                stop.store(true, Ordering::Relaxed);
+            }
         }
     };
     std::thread::Builder::new().name("signals".into()).spawn(move || runtime.block_on(wait))?;

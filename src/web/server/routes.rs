@@ -35,9 +35,9 @@ use crate::web::session::jobs::Busy;
 use crate::web::session::place::NoSuchRun;
 use crate::web::session::samples::Stretch;
 
+use crate::results::parquet::{Column, parquet};
 use crate::web::view::curves::{Question, of_all, of_sensor, simulate};
 use crate::web::view::packed::Packed;
-use crate::web::view::parquet::parquet;
 use crate::web::view::take_away::{self, as_table};
 use crate::web::view::words::in_json;
 use crate::web::view::{model, state};
@@ -332,7 +332,8 @@ async fn curves_csv(State(app): State<Arc<App>>, uri: Uri) -> Answer {
 async fn curves_parquet(State(app): State<Arc<App>>, uri: Uri) -> Answer {
     solved(app, move |session| {
         let (name, table) = table(session, &uri, "parquet")?;
-        Ok(download(&name, "application/vnd.apache.parquet", parquet(table.columns())))
+        let columns = table.columns().iter().map(|(name, values)| (name.clone(), Column::Numbers(values)));
+        Ok(download(&name, "application/vnd.apache.parquet", parquet(&columns.collect::<Vec<_>>())))
     })
     .await
 }

@@ -3,7 +3,6 @@
 pub mod curves;
 pub mod model;
 pub mod packed;
-pub mod parquet;
 pub mod runs;
 pub mod simulated_test;
 pub mod state;

@@ -1,4 +1,4 @@
-//! Columns of numbers as Parquet, the least of the format: one row group, one plain page a column, nothing compressed.
+//! Columns of numbers and texts as Parquet, the least of the format: one row group, one plain page a column, nothing compressed.
 //!
 //! See `parquet.thrift` of apache/parquet-format; headers are in Thrift's compact protocol. What is no number is stored as such.
 
@@ -6,6 +6,8 @@ const MAGIC: &[u8] = b"PAR1";
 
 /// Enumerations of the format.
 const DOUBLE: i64 = 5;
+const BYTE_ARRAY: i64 = 6;
+const UTF8: i64 = 0;
 const REQUIRED: i64 = 0;
 const PLAIN: i64 = 0;
 const RLE: i64 = 3;
@@ -84,8 +86,52 @@ impl Thrift {
     }
 }
 
+/// A column's values.
+#[derive(Debug, Clone, Copy)]
+pub enum Column<'a> {
+    /// Numbers, NaN where there is none.
+    Numbers(&'a [f64]),
+    /// Texts, empty where there is none.
+    Texts(&'a [&'a str]),
+}
+
+impl Column<'_> {
+    fn len(self) -> usize {
+        match self {
+            Column::Numbers(values) => values.len(),
+            Column::Texts(values) => values.len(),
+        }
+    }
+
+    /// The column's type, as its pages and its schema name it.
+    fn kind(self) -> i64 {
+        match self {
+            Column::Numbers(_) => DOUBLE,
+            Column::Texts(_) => BYTE_ARRAY,
+        }
+    }
+
+    fn plain(self) -> Vec<u8> {
+        match self {
+            Column::Numbers(values) => values.iter().flat_map(|value| value.to_le_bytes()).collect(),
+            Column::Texts(values) => {
+                let text = |text: &&str| [&(text.len() as u32).to_le_bytes(), text.as_bytes()].concat();
+                values.iter().flat_map(text).collect()
+            }
+        }
+    }
+
+    fn schema(self, name: &str) -> Vec<u8> {
+        let element = Thrift::default().number(1, I32, self.kind()).number(3, I32, REQUIRED).name(4, name);
+        match self {
+            Column::Numbers(_) => element.end(),
+            Column::Texts(_) => element.number(6, I32, UTF8).end(),
+        }
+    }
+}
+
 /// Columns of one length as a Parquet file.
-pub fn parquet(columns: &[(String, Vec<f64>)]) -> Vec<u8> {
+pub fn parquet(columns: &[(String, Column)]) -> Vec<u8> {
     let rows = columns.first().map_or(0, |(_, values)| values.len()) as i64;
     let mut file = MAGIC.to_vec();
     let mut chunks = Vec::new();
@@ -93,18 +139,19 @@ pub fn parquet(columns: &[(String, Vec<f64>)]) -> Vec<u8> {
     let mut schema = vec![root.end()];
     for (name, values) in columns {
         let place = file.len() as i64;
-        let size = 8 * rows;
+        let bytes = values.plain();
+        let size = bytes.len() as i64;
         let page = Thrift::default().number(1, I32, rows).number(2, I32, PLAIN).number(3, I32, RLE).number(4, I32, RLE);
         let header = Thrift::default().number(1, I32, DATA_PAGE).number(2, I32, size).number(3, I32, size);
         file.extend(header.structure(5, page).end());
-        values.iter().for_each(|value| file.extend(value.to_le_bytes()));
+        file.extend(bytes);
         let written = file.len() as i64 - place;
         let mut encoding = Vec::new();
         varint(&mut encoding, zigzag(PLAIN));
         let mut path = Vec::new();
         text(&mut path, name);
         let about = Thrift::default()
-            .number(1, I32, DOUBLE)
+            .number(1, I32, values.kind())
             .list(2, I32, &[encoding])
             .list(3, BINARY, &[path])
             .number(4, I32, UNCOMPRESSED)
@@ -113,7 +160,7 @@ pub fn parquet(columns: &[(String, Vec<f64>)]) -> Vec<u8> {
             .number(7, I64, written)
             .number(9, I64, place);
         chunks.push(Thrift::default().number(2, I64, place).structure(3, about).end());
-        schema.push(Thrift::default().number(1, I32, DOUBLE).number(3, I32, REQUIRED).name(4, name).end());
+        schema.push(values.schema(name));
     }
     let bytes = file.len() as i64 - MAGIC.len() as i64;
     let group = Thrift::default().list(1, STRUCT, &chunks).number(2, I64, bytes).number(3, I64, rows).end();
@@ -135,14 +182,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_stand_plain_between_their_headers() {
-        let file = parquet(&[("time_s".into(), vec![0.5, 1.5]), ("model_m".into(), vec![-2.0, f64::NAN])]);
+    fn values_stand_plain_between_their_headers() {
+        let columns = [
+            ("time_s".into(), Column::Numbers(&[0.5, 1.5])),
+            ("model_m".into(), Column::Numbers(&[-2.0, f64::NAN])),
+            ("run".into(), Column::Texts(&["", "Größe"])),
+        ];
+        let file = parquet(&columns);
         assert!(file.starts_with(MAGIC) && file.ends_with(MAGIC));
         let footer = u32::from_le_bytes(file[file.len() - 8..][..4].try_into().unwrap()) as usize;
         let text = String::from_utf8_lossy(&file[file.len() - 8 - footer..]).into_owned();
-        assert!(text.contains("time_s") && text.contains("model_m"), "{text}");
-        let has = |value: f64| file.windows(8).any(|bytes| bytes == value.to_le_bytes());
+        assert!(["time_s", "model_m", "run"].iter().all(|name| text.contains(name)), "{text}");
+        let holds = |bytes: &[u8]| file.windows(bytes.len()).any(|b| b == bytes);
+        let has = |value: f64| holds(&value.to_le_bytes());
         assert!(has(0.5) && has(1.5) && has(-2.0) && !has(3.0));
+        assert!(holds("\0\0\0\0\u{7}\0\0\0Größe".as_bytes()));
     }
 
     #[test]
