@@ -18,7 +18,7 @@ await story("a recorded shot is diagnosed as by `diagnose`", { words: ["rig.toml
   await page.getByLabel("Speed times real time").fill("4");
   await page.getByLabel("Stop after").fill("10");
   await shot(page, "record");
-  await page.click("#record >> text=Start");
+  await page.click("#record button.primary");
   await page.waitForFunction(() => !document.querySelector("#live").hidden && /[1-9]\d* samples/.test(document.querySelector("#live-line").textContent));
   await page.waitForFunction(() => document.querySelector("#live-disk").textContent.includes("GB free"));
   // the page is the recorder's: strips in the unit that is chosen, and nothing of a run
