@@ -13,12 +13,12 @@
 //! | `jobs/` | jobs of engines that schedule, and what their shards said |
 //! | `inputs/` | copies of the inputs, where they were asked for |
 
+pub mod checksum;
 pub mod child;
 pub mod engine;
 pub mod error;
 pub mod folder;
 pub mod input;
-
 pub mod lines;
 pub mod marks;
 pub mod perform;

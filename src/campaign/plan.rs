@@ -7,9 +7,9 @@ use std::path::{Path, PathBuf};
 
 use toml::Spanned;
 
+use crate::campaign::checksum::checksum;
 use crate::campaign::error::{CampaignError, Result};
 use crate::campaign::folder::Folder;
-use crate::campaign::input::checksum;
 use crate::campaign::marks::{self, Mark};
 use crate::campaign::plan_file::{Kind, PlanFile, Source, Values, methods_of_fits};
 use crate::campaign::task::{FitOptions, Input, Task, Work};

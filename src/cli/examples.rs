@@ -14,6 +14,11 @@ const EXAMPLES: &[(&str, [&str; 2])] = &[
             "recordings/hdpe-creep.mcap --hold closing_time_s=0.3 -o fit.toml",
         ],
     ),
+    ("campaign", ["plan recordings/plan.toml -o study", "run study --threads 2"]),
+    ("campaign plan", ["recordings/plan.toml -o study", "recordings/plan.toml -o on-a-cluster --json"]),
+    ("campaign run", ["study --shard 1/2", "study --shard 2/2"]),
+    ("campaign submit", ["study --to hq", "study --to slurm"]),
+    ("campaign status", ["study", "study --json"]),
     (
         "creep",
         [
@@ -125,10 +130,15 @@ const EXAMPLES: &[(&str, [&str; 2])] = &[
 
 const MODEL: &str = "calibrate recordings/hdpe-creep.mcap --effects viscoelastic-wall:2 --save model.toml";
 
+const PLAN: &str = "campaign plan recordings/plan.toml -o study";
+
 /// What the examples of a command need, and the commands that make it.
 const NEEDS: &[(&str, &[&str])] = &[
     ("accept", &["demo", "watch surgescope-demo --once"]),
     ("add", &[MODEL]),
+    ("campaign run", &[PLAN]),
+    ("campaign submit", &[PLAN]),
+    ("campaign status", &[PLAN, "campaign run study"]),
     (
         "family",
         &[

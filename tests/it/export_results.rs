@@ -136,7 +136,9 @@ fn many_fits_are_one_table() {
     assert_eq!((told["fits"].as_u64(), told["rows"].as_u64()), (Some(2), Some(3)), "the file of models is no fit");
     done(&["results", text(&fits), "--long", "-o", text(&long)]);
     refused(&["results", text(&fits), "-o", text(&wide)], "replace it with --overwrite");
-    refused(&["results", text(&of_two), "-o", text(&at("t.parquet"))], "must end with .csv");
+    refused(&["results", text(&of_two), "-o", text(&at("t.xlsx"))], "must end with .csv or .parquet");
+    let told = done(&["results", text(&fits), "-o", text(&at("t.parquet"))]);
+    assert_eq!((told["fits"].as_u64(), told["rows"].as_u64()), (Some(2), Some(3)));
     refused(&["results", text(&at("fits/models.toml")), "-o", text(&at("t.csv"))], "is not a surgescope fit");
 
     let fit = FitRecord::read(&of_two).unwrap();
