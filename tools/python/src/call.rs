@@ -108,7 +108,7 @@ pub fn on_all_cores<T: Send + 'static>(
     })
 }
 
-/// Runs `work` on one thread, as [`on_all_cores`] on several.
+/// Runs `work`, which needs one thread, as [`on_all_cores`] on several.
 ///
 /// # Errors
 /// As there.

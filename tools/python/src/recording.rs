@@ -20,7 +20,7 @@ use surgescope::study::import::{ImportError, import};
 
 use crate::arrays::view;
 use crate::arrow;
-use crate::call::on_one;
+use crate::call::on_all_cores;
 use crate::error::{AnyError, sentence, warn};
 use crate::rig::{GivenRig, Rig};
 use crate::table::{Table, Values};
@@ -349,7 +349,7 @@ pub fn read(
     let said = said(&reading, map, ignore, scale, flow).map_err(sentence)?;
     let options = ImportOptions { without, ..ImportOptions::default() };
     let file = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
-    let imported = on_one(py, move || taken(&path, rig, &options, &said, yes))?;
+    let imported = on_all_cores(py, None, None, move |_| taken(&path, rig, &options, &said, yes))?;
     for repair in imported.repairs.iter().filter(|repair| repair.lost) {
         warn(py, &format!("{file}: {}", repair.text))?;
     }
@@ -390,7 +390,7 @@ fn taken(
 ) -> Result<Imported, AnyError> {
     let is_mcap = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mcap"));
     let as_it_is =
-        |recording: Recorded| Imported { recording, repairs: Vec::new(), start_digit_s: None, columns: Vec::new() };
+        |recording: Recorded| Imported { recording, repairs: Vec::new(), start_digit_s: None, columns: Vec::new(), names: Vec::new() };
     let Some(rig) = rig else {
         if !is_mcap && path.exists() {
             return Err("the rig is missing, which says what each column measures and where: give it as rig=; `surgescope rig new` writes one".into());

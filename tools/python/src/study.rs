@@ -15,7 +15,7 @@ use surgescope::study::Study as Opened;
 use surgescope::study::hold::{Hold, beyond, constraints};
 use surgescope::study::search::Search;
 
-use crate::call::{Progress, on_all_cores, on_one};
+use crate::call::{Progress, on_all_cores};
 use crate::diagnosis::Diagnosis;
 use crate::error::{AnyError, refused, sentence, warn};
 use crate::fit::Fit;
@@ -61,7 +61,7 @@ impl Origin {
             return Ok(opened.clone());
         }
         let own = self.clone();
-        let opened = on_one(py, move || own.open())?;
+        let opened = on_all_cores(py, None, None, move |_| own.open())?;
         Ok(self.opened.get_or_init(|| opened).clone())
     }
 

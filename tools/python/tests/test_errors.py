@@ -99,7 +99,7 @@ def test_defaults_are_what_a_simulation_uses() -> None:
 
 def test_a_value_that_no_fit_would_take_warns(study: ss.Study) -> None:
     with pytest.warns(ss.SurgescopeWarning, match="check its unit"):
-        study.calibrate(hold={"wave_speed_m_s": 0.36}, most_reaches=16)
+        study.calibrate(hold={"wave_speed_m_s": 3600.0}, most_reaches=16)
 
 
 def test_the_console_script_is_the_program(tmp_path: Path) -> None:
