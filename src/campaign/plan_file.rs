@@ -330,7 +330,7 @@ mod tests {
                 "kind = \"diagnose\"\nmethods = []",
                 &["plan.toml:2", "'methods' is for kind = \"calibrate\" or \"sensitivity\""],
             ),
-            ("kind = \"calibrate\"\nbudget = 3", &["plan.toml:2", "'budget' belongs in [options]"]),
+            ("kind = \"calibrate\"\nbudget = 3", &["plan.toml:2", "'budget' belongs in the table [options]"]),
             ("kind = \"calibrate\"\n[options]\nmost_reachs = 3", &["plan.toml:3", "did you mean 'most_reaches'"]),
             ("kind = \"calibrate\"\nstarts = \"3\"", &["plan.toml:2"]),
             (

@@ -3,6 +3,7 @@
 mod adelaide;
 mod architecture;
 mod calibrate;
+mod campaign;
 mod common;
 mod creep;
 mod diagnose;
