@@ -1,173 +1,233 @@
-//! A campaign: planned once, run in shards by whoever comes, gathered in one table.
+//! Campaigns: what is planned, shards against one run, runners that die or meet, inputs that change, jobs of engines.
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Stdio};
-use std::time::Duration;
+use std::process::{Command, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
 
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::common::{done, ended, here, refused, run, surgescope, text};
+use crate::common::{CREEP, LEAK, NOTHING, document, done, ended, here, refused, run, surgescope, text};
 
-/// A folder with two recordings and a plan of twelve short fits.
-struct Bench {
-    folder: TempDir,
+/// Six fits a recording, on a coarse grid.
+const FITS: &str = r#"kind = "calibrate"
+recordings = ["*.mcap"]
+effects = [["none"], ["unsteady-friction"], ["viscoelastic-wall:1"]]
+starts = 2
+[options]
+most_reaches = 16
+random_starts = 1
+"#;
+
+/// A folder with recordings, `a.mcap` and so on, and a plan.
+struct Study {
+    place: TempDir,
 }
 
-impl Bench {
-    fn new() -> Bench {
-        let folder = tempfile::tempdir().unwrap();
-        fs::create_dir(folder.path().join("runs")).unwrap();
-        for name in ["hdpe-creep.mcap", "hdpe-nothing-missing.mcap"] {
-            fs::copy(here("recordings").join(name), folder.path().join("runs").join(name)).unwrap();
+impl Study {
+    fn new(plan: &str, recordings: &[&str]) -> Study {
+        let place = tempfile::tempdir().unwrap();
+        for (recording, name) in recordings.iter().zip('a'..) {
+            fs::copy(here(recording), place.path().join(format!("{name}.mcap"))).unwrap();
         }
-        let plan = "kind = \"calibrate\"\nrecordings = [\"runs/*.mcap\"]\neffects = [[\"none\"], [\"viscoelastic-wall:1\"]]\n\
-                    starts = 3\nseed = 1\n[options]\nmost_reaches = 32\n";
-        fs::write(folder.path().join("plan.toml"), plan).unwrap();
-        Bench { folder }
+        fs::write(place.path().join("plan.toml"), plan).unwrap();
+        Study { place }
     }
 
-    fn at(&self, name: &str) -> PathBuf {
-        self.folder.path().join(name)
+    fn file(&self, name: &str) -> PathBuf {
+        self.place.path().join(name)
     }
 
-    fn planned(&self, name: &str) -> PathBuf {
-        let dir = self.at(name);
-        let told = done(&["campaign", "plan", text(&self.at("plan.toml")), "-o", text(&dir)]);
-        assert_eq!(told["tasks"], 12);
-        dir
+    /// Plans it into a folder of its own: the folder, and how many tasks there are.
+    fn planned(&self, name: &str) -> (PathBuf, u64) {
+        let folder = self.file(name);
+        let said = done(&["campaign", "plan", text(&self.file("plan.toml")), "-o", text(&folder)]);
+        (folder, said["tasks"].as_u64().unwrap())
     }
 
-    fn table(&self, dir: &Path) -> Vec<u8> {
-        let table = dir.with_extension("csv");
-        done(&["results", text(dir), "-o", text(&table)]);
-        fs::read(table).unwrap()
+    fn refusal(&self, plan: &str, words: &[&str]) {
+        let (path, folder) = (self.file("refused.toml"), self.file("refused"));
+        fs::write(&path, plan).unwrap();
+        refused(&["campaign", "plan", text(&path), "-o", text(&folder)], words);
+        assert!(!folder.join("tasks.jsonl").exists(), "{plan}");
     }
 }
 
-fn shard(dir: &Path, shard: &str) -> Child {
-    surgescope(["campaign", "run", text(dir), "--shard", shard, "--threads", "1"])
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
-        .spawn()
-        .unwrap()
+fn runner(folder: &Path, more: &[&str]) -> Command {
+    surgescope(["campaign", "run", text(folder), "--json"].iter().chain(more))
 }
 
-/// Exit code and document.
-fn status(dir: &Path) -> (i32, Value) {
-    let (code, out, err) = ended(run(&["campaign", "status", text(dir), "--json"]));
-    (code, serde_json::from_str(&out).unwrap_or_else(|_| panic!("{err}")))
+fn ran(folder: &Path, more: &[&str]) -> Value {
+    document(runner(folder, more).output().unwrap())
 }
 
-#[test]
-fn shards_runners_beside_each_other_and_a_killed_one_give_the_table_of_one_run() {
-    let bench = Bench::new();
-    let (serial, shards, beside, killed) =
-        (bench.planned("a"), bench.planned("b"), bench.planned("c"), bench.planned("d"));
-    let names = |dir: &Path| fs::read_to_string(dir.join("tasks.jsonl")).unwrap();
-    assert_eq!(names(&serial), names(&shards), "a task is named by its content");
-    assert_eq!(status(&serial).0, 1, "nothing is done yet");
+/// The exit code of `status`, and what it says.
+fn status(folder: &Path) -> (i32, Value) {
+    let (code, out, err) = ended(run(&["campaign", "status", text(folder), "--json"]));
+    (code, serde_json::from_str(&out).unwrap_or_else(|e| panic!("{e}: {err}")))
+}
 
-    assert!(shard(&serial, "1/1").wait().unwrap().success());
-    let whole = bench.table(&serial);
-    assert_eq!(whole.iter().filter(|&&byte| byte == b'\n').count(), 13);
-    for part in ["3/3", "1/3", "2/3"] {
-        assert!(shard(&shards, part).wait().unwrap().success());
-    }
-    let mut both = [shard(&beside, "1/1"), shard(&beside, "1/1")];
-    both.iter_mut().for_each(|runner| assert!(runner.wait().unwrap().success()));
-    let mut torn = shard(&killed, "1/1");
-    std::thread::sleep(Duration::from_millis(400));
-    torn.kill().unwrap();
-    torn.wait().unwrap();
-    assert!(shard(&killed, "1/1").wait().unwrap().success());
-    for dir in [&shards, &beside, &killed] {
-        let (code, now) = status(dir);
-        assert_eq!(
-            (code, &now["done"], &now["failed"], &now["missing"]),
-            (0, &12.into(), &0.into(), &0.into()),
-            "{now}"
-        );
-        assert!(bench.table(dir) == whole, "{dir:?}: the table is another one");
-    }
-    // what is done is skipped
-    let results = |dir: &Path| {
-        let files = fs::read_dir(dir.join("results")).unwrap();
-        files.map(|file| file.unwrap().metadata().unwrap().len()).sum::<u64>()
-    };
-    let before = results(&serial);
-    assert!(shard(&serial, "1/1").wait().unwrap().success());
-    assert_eq!(results(&serial), before);
+fn counts(status: &Value) -> [u64; 3] {
+    ["done", "failed", "missing"].map(|name| status[name].as_u64().unwrap())
+}
+
+fn table(folder: &Path) -> String {
+    let path = folder.with_extension("csv");
+    let (code, _, err) = ended(run(&["results", text(folder), "-o", text(&path)]));
+    assert!(code == 0 || code == 3, "{code}: {err}");
+    fs::read_to_string(path).unwrap()
+}
+
+fn lines_of_results(folder: &Path) -> usize {
+    let Ok(files) = fs::read_dir(folder.join("results")) else { return 0 };
+    files.map(|file| fs::read_to_string(file.unwrap().path()).unwrap().lines().count()).sum()
 }
 
 #[test]
-fn what_cannot_be_done_has_its_reason_and_the_rest_goes_on() {
-    let bench = Bench::new();
-    let dir = bench.planned("campaign");
-    let (changed, vanished) = (bench.at("runs/hdpe-creep.mcap"), bench.at("runs/hdpe-nothing-missing.mcap"));
-    let whole = fs::read(&changed).unwrap();
-    fs::write(&changed, [&whole[..], b"more"].concat()).unwrap();
-    // the runner has done its part; what failed is for `status` to say
-    assert!(shard(&dir, "1/1").wait().unwrap().success());
-    let (code, now) = status(&dir);
-    assert_eq!((code, &now["done"], &now["failed"]), (1, &6.into(), &6.into()), "{now}");
-    let failures = now["failures"].as_array().unwrap();
-    assert_eq!(failures.len(), 6);
-    assert!(failures.iter().all(|f| f["reason"].as_str().unwrap().contains("hdpe-creep.mcap changed")), "{now}");
-    // mended, they are tried again when asked for
-    fs::write(&changed, whole).unwrap();
-    let (code, ..) = ended(run(&["campaign", "status", text(&dir), "--retry"]));
-    assert_eq!(code, 1);
-    assert!(shard(&dir, "1/1").wait().unwrap().success());
-    assert_eq!(status(&dir).0, 0);
+fn equal_plans_have_equal_tasks_and_a_folder_keeps_its_own() {
+    let study = Study::new(FITS, &[NOTHING, LEAK]);
+    let (one, tasks) = study.planned("one");
+    let (two, _) = study.planned("two");
+    let lines = fs::read_to_string(one.join("tasks.jsonl")).unwrap();
+    assert_eq!(lines, fs::read_to_string(two.join("tasks.jsonl")).unwrap());
+    assert_eq!(lines.lines().count() as u64, tasks);
+    // two recordings, three models, two seeds
+    assert_eq!(tasks, 12);
+    assert_eq!(study.planned("one"), (one.clone(), 12));
+    assert_eq!(counts(&status(&one).1), [0, 0, 12]);
 
-    let short = bench.planned("short");
-    fs::remove_file(vanished).unwrap();
-    run(&["campaign", "run", text(&short), "--time-limit", "0.001"]);
-    let (_, now) = status(&short);
-    let reasons: Vec<&str> =
-        now["failures"].as_array().unwrap().iter().map(|f| f["reason"].as_str().unwrap()).collect();
-    assert_eq!(reasons.iter().filter(|r| r.contains("vanished")).count(), 6, "{reasons:?}");
-    assert_eq!(reasons.iter().filter(|r| r.contains("took longer than")).count(), 6, "{reasons:?}");
+    let other = study.file("other.toml");
+    fs::write(&other, FITS.replace("starts = 2", "starts = 3")).unwrap();
+    refused(&["campaign", "plan", text(&other), "-o", text(&one)], &["another campaign of 12 tasks", "another folder"]);
+    assert_eq!(lines, fs::read_to_string(one.join("tasks.jsonl")).unwrap());
 }
 
 #[test]
-fn a_plan_is_refused_in_words_and_never_replaces_another() {
-    let bench = Bench::new();
-    let dir = bench.planned("campaign");
-    let plan = |text: &str| {
-        fs::write(bench.at("other.toml"), text).unwrap();
-        bench.at("other.toml")
-    };
-    let file = plan("kind = \"calibrate\"\nrecordings = [\"none/*.mcap\"]\neffects = [[\"none\"]]\n");
-    refused(&["campaign", "plan", text(&file), "-o", text(&bench.at("x"))], &["none/*.mcap"]);
-    let file = plan("kind = \"calibrat\"\nrecordings = [\"runs/*.mcap\"]\n");
-    refused(
-        &["campaign", "plan", text(&file), "-o", text(&bench.at("x"))],
-        &["other.toml:1", "did you mean 'calibrate'"],
-    );
-    let file = plan("kind = \"calibrate\"\nrecordings = [\"runs/*.mcap\"]\neffects = [[\"leek\"]]\n");
-    refused(&["campaign", "plan", text(&file), "-o", text(&bench.at("x"))], &["leek", "leak"]);
-    let file = plan("kind = \"calibrate\"\nrecordings = [\"runs/*.mcap\"]\neffects = [[\"leak\"]]\n");
-    let before = fs::read(dir.join("tasks.jsonl")).unwrap();
-    refused(&["campaign", "plan", text(&file), "-o", text(&dir)], &["another"]);
-    assert_eq!(fs::read(dir.join("tasks.jsonl")).unwrap(), before);
-    refused(&["campaign", "status", text(&bench.at("runs"))], &["campaign"]);
+fn a_slip_of_a_plan_is_refused_with_its_line() {
+    let study = Study::new(FITS, &[LEAK]);
+    study.refusal(&FITS.replace("*.mcap", "runs/*.mcap"), &["refused.toml:2", "runs/*.mcap"]);
+    study.refusal(&FITS.replace("\"calibrate\"", "\"calibrat\""), &["refused.toml:1", "did you mean 'calibrate'"]);
+    study.refusal(&FITS.replace("starts", "start"), &["refused.toml:4", "did you mean 'starts'"]);
+    study.refusal(&FITS.replace("most_reaches", "most_reach"), &["refused.toml:6", "did you mean 'most_reaches'"]);
+    study.refusal(&FITS.replace("unsteady-friction", "unsteady-fiction"), &["refused.toml:3", "unsteady-friction"]);
+    refused(&["campaign", "run", text(study.place.path())], &["no folder of a campaign", "campaign plan"]);
 }
 
-/// The jobs are scripts that a shell reads, and each starts a shard of this campaign.
 #[test]
-fn each_engine_gets_a_job_of_its_own() {
-    let bench = Bench::new();
-    let dir = bench.planned("it's a campaign");
-    for (engine, name) in [("hq", "hq.sh"), ("slurm", "slurm.sh"), ("snakemake", "Snakefile")] {
-        done(&["campaign", "submit", text(&dir), "--to", engine]);
-        let job = fs::read_to_string(dir.join("jobs").join(name)).unwrap();
-        assert!(job.contains("campaign run") && job.contains("--shard"), "{job}");
-        if name.ends_with(".sh") {
-            let read = std::process::Command::new("bash").arg("-n").arg(dir.join("jobs").join(name)).status().unwrap();
-            assert!(read.success(), "{job}");
+fn shards_give_the_table_of_one_run_and_finished_tasks_are_skipped() {
+    let study = Study::new(FITS, &[NOTHING]);
+    let (whole, tasks) = study.planned("whole");
+    let (parts, _) = study.planned("parts");
+    assert_eq!(ran(&whole, &["--shard", "1/1", "--threads", "1"])["done"], tasks);
+    let first = ran(&parts, &["--shard", "2/2", "--threads", "2"]);
+    assert_eq!(counts(&status(&parts).1), [first["done"].as_u64().unwrap(), 0, tasks - 3]);
+    assert_eq!(status(&parts).0, 1);
+    ran(&parts, &["--shard", "1/2"]);
+    let serial = table(&whole);
+    assert_eq!(serial.lines().count() as u64, 1 + tasks);
+    assert_eq!(serial, table(&parts));
+    assert_eq!(status(&parts).0, 0);
+
+    let again = ran(&whole, &[]);
+    assert_eq!((&again["done"], &again["finished_before"]), (&Value::from(0), &Value::from(tasks)));
+    assert_eq!(lines_of_results(&whole) as u64, tasks);
+}
+
+#[test]
+fn an_input_that_changed_or_vanished_fails_its_tasks_and_no_other() {
+    let plan = FITS.replace("starts = 2", "starts = 1").replace(", [\"viscoelastic-wall:1\"]", "");
+    let study = Study::new(&plan, &[NOTHING, LEAK, CREEP]);
+    let (folder, tasks) = study.planned("campaign");
+    let changed = fs::read(study.file("b.mcap")).unwrap();
+    fs::write(study.file("b.mcap"), [&changed[..], b"x"].concat()).unwrap();
+    fs::remove_file(study.file("c.mcap")).unwrap();
+    assert_eq!(ran(&folder, &[])["failed"], 2 * tasks / 3);
+    let (code, said) = status(&folder);
+    assert_eq!((code, counts(&said)), (1, [tasks / 3, 2 * tasks / 3, 0]));
+    for reason in ["b.mcap changed since", "c.mcap vanished"] {
+        let with = |failure: &&Value| failure["reason"].as_str().unwrap().contains(reason);
+        assert_eq!(said["failures"].as_array().unwrap().iter().filter(with).count() as u64, tasks / 3, "{said}");
+    }
+
+    // put right, they are tried again where that is asked for
+    fs::write(study.file("b.mcap"), changed).unwrap();
+    assert_eq!(ran(&folder, &[])["done"], 0);
+    run(&["campaign", "status", text(&folder), "--retry"]);
+    assert_eq!(ran(&folder, &[])["done"], tasks / 3);
+    assert_eq!(counts(&status(&folder).1), [2 * tasks / 3, tasks / 3, 0]);
+}
+
+#[test]
+fn a_task_over_its_time_limit_fails_with_the_reason() {
+    let study = Study::new(FITS, &[NOTHING]);
+    let (folder, tasks) = study.planned("campaign");
+    assert_eq!(ran(&folder, &["--time-limit", "0.001"])["failed"], tasks);
+    let (code, said) = status(&folder);
+    assert_eq!((code, counts(&said)), (1, [0, tasks, 0]));
+    assert!(said["failures"][0]["reason"].as_str().unwrap().contains("time limit of 0.001 s"), "{said}");
+}
+
+#[test]
+fn two_runners_on_one_shard_do_each_task_once() {
+    let study = Study::new(FITS, &[NOTHING, LEAK]);
+    let (folder, tasks) = study.planned("campaign");
+    let start = || runner(&folder, &["--threads", "1"]).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
+    let done: u64 = [start(), start()]
+        .map(|child| document(child.wait_with_output().unwrap())["done"].as_u64().unwrap())
+        .iter()
+        .sum();
+    assert_eq!((done, lines_of_results(&folder) as u64), (tasks, tasks));
+    assert_eq!(counts(&status(&folder).1), [tasks, 0, 0]);
+}
+
+#[test]
+fn a_runner_that_is_killed_loses_nothing_that_was_finished() {
+    let study = Study::new(&FITS.replace("starts = 2", "starts = 4"), &[NOTHING]);
+    let (serial, tasks) = study.planned("serial");
+    let (folder, _) = study.planned("killed");
+    let mut killed = runner(&folder, &["--threads", "1"]).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let began = Instant::now();
+    while lines_of_results(&folder) == 0 {
+        assert!(began.elapsed() < Duration::from_secs(60), "no result");
+        sleep(Duration::from_millis(5));
+    }
+    killed.kill().unwrap();
+    killed.wait().unwrap();
+    let before = lines_of_results(&folder) as u64;
+    assert!((1..tasks).contains(&before), "{before} of {tasks}");
+    let went_on = ran(&folder, &[]);
+    // a result may have been written and not yet marked: it is done over, and the table has it once
+    assert!(went_on["done"].as_u64().unwrap() - (tasks - before) <= 1, "{went_on}, {before} before");
+    ran(&serial, &["--threads", "1"]);
+    assert_eq!(table(&serial), table(&folder));
+    assert_eq!(status(&folder).0, 0);
+}
+
+#[test]
+fn jobs_of_engines_run_the_shards() {
+    let study = Study::new(FITS, &[LEAK]);
+    let (folder, _) = study.planned("it's one");
+    for (engine, words) in [
+        ("hq", ["#HQ --array 1-4", "$HQ_TASK_ID/4"]),
+        ("slurm", ["#SBATCH --array=1-4", "$SLURM_ARRAY_TASK_ID/4"]),
+        ("snakemake", ["SHARDS = 4", "{wildcards.shard}/{SHARDS}"]),
+    ] {
+        let said = done(&["campaign", "submit", text(&folder), "--to", engine, "--shards", "4"]);
+        assert_eq!((&said["shards"], &said["started"]), (&Value::from(4), &Value::from(false)));
+        let file = said["file"].as_str().unwrap();
+        let job = fs::read_to_string(file).unwrap();
+        for word in words.into_iter().chain(["campaign run", "--shard", env!("CARGO_BIN_EXE_surgescope")]) {
+            assert!(job.contains(word), "{engine}: no {word:?} in {job}");
+        }
+        assert!(!job.contains('@'), "{job}");
+        if engine != "snakemake" {
+            assert!(Command::new("bash").arg("-n").arg(file).status().unwrap().success(), "{job}");
         }
     }
+    // an array's task, as the engine starts it
+    let job = folder.join("jobs/hq.sh");
+    assert!(Command::new("sh").arg(job).env("HQ_TASK_ID", "2").status().unwrap().success());
+    assert_eq!(counts(&status(&folder).1)[0], 2);
 }

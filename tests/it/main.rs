@@ -4,6 +4,7 @@ mod adelaide;
 mod architecture;
 mod calibrate;
 mod campaign;
+mod campaign;
 mod common;
 mod creep;
 mod diagnose;

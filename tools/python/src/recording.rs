@@ -389,8 +389,13 @@ fn taken(
     yes: bool,
 ) -> Result<Imported, AnyError> {
     let is_mcap = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mcap"));
-    let as_it_is =
-        |recording: Recorded| Imported { recording, repairs: Vec::new(), start_digit_s: None, columns: Vec::new(), names: Vec::new() };
+    let as_it_is = |recording: Recorded| Imported {
+        recording,
+        repairs: Vec::new(),
+        start_digit_s: None,
+        columns: Vec::new(),
+        names: Vec::new(),
+    };
     let Some(rig) = rig else {
         if !is_mcap && path.exists() {
             return Err("the rig is missing, which says what each column measures and where: give it as rig=; `surgescope rig new` writes one".into());

@@ -1,0 +1,94 @@
+"""200 fits by HyperQueue on this machine: two workers, one killed in the middle; the table is that of a serial run, byte for byte.
+
+    python tools/campaign/on_hyperqueue.py PROGRAM      (pip install hyperqueue)
+
+The wheel holds HyperQueue's server and worker and no `hq` program. A worker lives in the process of its server, so each of the two has a process of its own,
+with its own server. Both are given all shards, for runners share a campaign's folder, and the one that is left finishes the work of the other.
+"""
+
+import json
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+SHARDS = 20
+TASKS = 200
+LIMIT_S = 120
+
+
+def work(program, folder, server, first):
+    """One server with a worker of one core, from the shard `first` on."""
+    from hyperqueue import Job, LocalCluster
+    from hyperqueue.cluster import WorkerConfig
+
+    with LocalCluster(server, WorkerConfig(cores=1)) as cluster:
+        client, job = cluster.client(), Job(default_workdir=server)
+        for number in range(SHARDS):
+            shard = (int(first) + number) % SHARDS + 1
+            job.program([program, "campaign", "run", folder, "--shard", f"{shard}/{SHARDS}", "--threads", "1"])
+        client.wait_for_jobs([client.submit(job)])
+
+
+def main(program):
+    program = str(Path(program).resolve())
+    recording = Path(__file__).resolve().parents[2] / "recordings/copper-leak.mcap"
+    with tempfile.TemporaryDirectory() as place:
+        place = Path(place)
+        (place / "plan.toml").write_text(
+            f'kind = "calibrate"\nrecordings = ["{recording}"]\neffects = [["none"], ["unsteady-friction"]]\n'
+            f"starts = {TASKS // 2}\n[options]\nmost_reaches = 16\nrandom_starts = 1\n"
+        )
+
+        def surgescope(*arguments):
+            return subprocess.run([program, *map(str, arguments)], check=True, capture_output=True, text=True).stdout
+
+        def done():
+            said = subprocess.run([program, "campaign", "status", place / "array", "--json"], capture_output=True, text=True)
+            return json.loads(said.stdout)["done"]
+
+        for name in ("serial", "array"):
+            planned = json.loads(surgescope("campaign", "plan", place / "plan.toml", "-o", place / name, "--json"))
+            assert planned["tasks"] == TASKS, planned
+        began = time.monotonic()
+        surgescope("campaign", "run", place / "serial", "--threads", "1")
+        serial_s = time.monotonic() - began
+
+        began = time.monotonic()
+        workers = []
+        for number in range(2):
+            server = place / f"server-{number}"
+            server.mkdir()
+            words = ["work", program, place / "array", server, number * SHARDS // 2]
+            workers.append(subprocess.Popen([sys.executable, __file__, *map(str, words)]))
+        try:
+            while (finished := done()) < TASKS // 4:
+                assert time.monotonic() - began < LIMIT_S, f"only {finished} tasks done"
+                time.sleep(0.1)
+            assert workers[1].poll() is None and finished < TASKS, "all was done before a worker could be killed"
+            workers[1].send_signal(signal.SIGKILL)
+            print(f"one of two workers killed with {finished} of {TASKS} tasks done")
+            assert workers[0].wait(LIMIT_S) == 0, "the other worker's job failed"
+        finally:
+            for worker in workers:
+                worker.kill()
+                worker.wait()
+        while done() < TASKS:  # a runner of the killed worker may be at its last task
+            assert time.monotonic() - began < LIMIT_S, f"{done()} of {TASKS} tasks done"
+            time.sleep(0.1)
+        array_s = time.monotonic() - began
+        for name in ("serial", "array"):
+            surgescope("results", place / name, "-o", place / f"{name}.csv")
+        tables = [(place / f"{name}.csv").read_bytes() for name in ("serial", "array")]
+        assert tables[0].count(b"\n") == TASKS + 1
+        assert tables[0] == tables[1], "the tables differ"
+        print(f"HyperQueue's table is the serial one, byte for byte; serial {serial_s:.1f} s, on the workers {array_s:.1f} s")
+
+
+if __name__ == "__main__":
+    if sys.argv[1] == "work":
+        work(*sys.argv[2:])
+    else:
+        main(sys.argv[1])
