@@ -4,7 +4,6 @@ mod adelaide;
 mod architecture;
 mod calibrate;
 mod campaign;
-mod campaign;
 mod common;
 mod creep;
 mod diagnose;

@@ -58,7 +58,6 @@ def test_a_slip_is_told_as_the_program_tells_it(tmp_path: Path, table: tuple[Pat
     spoilt = {
         "word": "".join([*lines[:10], f"{tenth[0]},oops{tenth[1]}", *lines[11:]]),
         "sensor": text.replace("P1", "P9", 1),
-        "order": text + lines[5].split(",", 1)[0] + ",1.0,2.0,3.0,,\n",
     }
     for name, content in spoilt.items():
         path = tmp_path / f"{name}.csv"
