@@ -191,7 +191,7 @@ mod lock {
     }
 
     pub(super) fn take(file: &File, byte: u64) -> io::Result<bool> {
-        match fcntl(file, FcntlArg::F_SETLK(&of(libc::F_WRLCK as i32, byte, 1))) {
+        match fcntl(file, FcntlArg::F_SETLK(&of(libc::F_WRLCK, byte, 1))) {
             Ok(_) => Ok(true),
             Err(Errno::EACCES | Errno::EAGAIN) => Ok(false),
             Err(error) if has_none(error) => Ok(true),
@@ -200,7 +200,7 @@ mod lock {
     }
 
     pub(super) fn give(file: &File, byte: u64) -> io::Result<()> {
-        match fcntl(file, FcntlArg::F_SETLK(&of(libc::F_UNLCK as i32, byte, 1))) {
+        match fcntl(file, FcntlArg::F_SETLK(&of(libc::F_UNLCK, byte, 1))) {
             Err(error) if !has_none(error) => Err(error.into()),
             _ => Ok(()),
         }
@@ -209,11 +209,11 @@ mod lock {
     pub(super) fn held_by_others(file: &File, bytes: u64) -> io::Result<usize> {
         let (mut held, mut from) = (0, 0);
         while from < bytes {
-            let mut first = of(libc::F_WRLCK as i32, from, bytes - from);
+            let mut first = of(libc::F_WRLCK, from, bytes - from);
             match fcntl(file, FcntlArg::F_GETLK(&mut first)) {
                 Err(error) if has_none(error) => return Ok(0),
                 Err(error) => return Err(error.into()),
-                Ok(_) if i32::from(first.l_type) == libc::F_UNLCK as i32 => return Ok(held),
+                Ok(_) if i32::from(first.l_type) == libc::F_UNLCK => return Ok(held),
                 Ok(_) => {}
             }
             let start = (first.l_start as u64).max(from);

@@ -55,11 +55,11 @@ pub fn import(
     alone: bool,
 ) -> Result<Imported, ImportError> {
     let read = |source: &SourceOptions| import_file(path, rig, options, source, alone);
-    read(source).or_else(|as_it_stands| {
+    read(source).map_err(|as_it_stands| {
         let period_s = 2.0 * return_time_s(rig, &rig.fluid.properties(rig.fluid.temperature_degc));
-        Err(match read(&SourceOptions { guess: true, period_s: Some(period_s), ..source.clone() }) {
+        match read(&SourceOptions { guess: true, period_s: Some(period_s), ..source.clone() }) {
             Ok(imported) => ImportError::Guessed { imported: Box::new(imported), as_it_stands },
             Err(with_guesses) => ImportError::Refused { as_it_stands, with_guesses },
-        })
+        }
     })
 }

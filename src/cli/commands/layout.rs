@@ -49,7 +49,7 @@ pub fn run(args: &Args, json: bool) -> CommandResult {
         return Err(format!("{} is the rig file: choose another name for the layout", path.shown()).into());
     }
     let plots = plots(&rig, args.with_model);
-    output::write_new(path, &write(&plots), args.overwrite)?;
+    output::write_new(path, write(&plots), args.overwrite)?;
     if json {
         say_document(json!({ "file": path, "program": program, "plots": plots }))?;
     } else {

@@ -419,7 +419,7 @@ impl Fit {
     ///
     /// Raises Error where pandas is not installed.
     fn to_pandas<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        table(&self.fit.parameters).to_pandas(py)
+        table(&self.fit.parameters).into_pandas(py)
     }
 
     /// The same table for polars, pyarrow and others that read Arrow.

@@ -242,7 +242,7 @@ impl Recording {
     ///
     /// Raises Error where pandas is not installed.
     fn to_pandas<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.table().to_pandas(py)
+        self.table().into_pandas(py)
     }
 
     /// The same table for polars, pyarrow and others that read Arrow.

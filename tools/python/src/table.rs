@@ -34,7 +34,7 @@ impl Table {
     ///
     /// # Errors
     /// Where pandas is not installed.
-    pub fn to_pandas<'py>(self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+    pub fn into_pandas<'py>(self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let pandas = py.import("pandas").map_err(|error| match error.is_instance_of::<PyModuleNotFoundError>(py) {
             true => sentence("to_pandas needs pandas, which is not installed: pip install pandas"),
             false => error,
