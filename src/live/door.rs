@@ -45,7 +45,7 @@ const PAUSE: Duration = Duration::from_millis(200);
 const GRACE: Duration = Duration::from_secs(2);
 /// Most bytes of a request: a subscription to every channel of a large rig.
 const REQUEST: usize = 256 << 10;
-/// Most origins of which it is told that they were refused.
+/// Most refused origins that it reports.
 const TOLD: usize = 5;
 
 type Tell = Box<dyn Fn(&str) + Send + Sync>;

@@ -1,4 +1,4 @@
-//! What is said of an error: the sentence, its causes, and what to try.
+//! The text of an error: the sentence, its causes, and what to try.
 
 use std::error::Error;
 
