@@ -1,7 +1,8 @@
 //! Faulty sensors, made from the shipped recordings: each is named as what it is, and a sound one is not.
 
 use surgescope::Recording;
-use surgescope::signal::faults::{Fault, sensor_faults};
+use surgescope::rig::SensorKind;
+use surgescope::signal::faults::{Fault, in_words, sensor_faults};
 use surgescope::storage::read;
 
 use crate::common::{CREEP, LEAK, NOTHING, here};
@@ -58,4 +59,36 @@ fn each_fault_is_named_as_what_it_is() {
         }
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// Of two sensors, either may be the one in a wrong unit; the flow tells which. Without it the fault is said of both.
+#[test]
+fn of_two_sensors_the_flow_tells_which_is_in_a_wrong_unit() {
+    for name in [CREEP, LEAK, NOTHING] {
+        let mut recording = read(&here(name)).unwrap();
+        let pressures: Vec<usize> = recording.rig.pressure_sensors().map(|(i, _)| i).collect();
+        for surplus in &pressures[2..] {
+            recording.series[*surplus] = Default::default();
+        }
+        for (wrong, factor) in [(0, 100.0), (1, 100.0), (0, 6.9), (1, 6.9), (0, 0.01), (1, 0.01)] {
+            let mut broken = recording.clone();
+            broken.series[pressures[wrong]].value.iter_mut().for_each(|v| *v *= factor);
+            let name_of = |i: usize| broken.rig.sensors[pressures[i]].name.clone();
+            let found = sensor_faults(&broken);
+            assert_eq!(found.len(), 1, "{name}, sensor {wrong} times {factor}: {found:?}");
+            assert_eq!((&found[0].sensor, found[0].fault), (&name_of(wrong), Fault::WrongUnit), "{name}, {factor}");
+
+            for (i, sensor) in recording.rig.sensors.iter().enumerate() {
+                if sensor.kind == SensorKind::Flow {
+                    broken.series[i] = Default::default();
+                }
+            }
+            let found = sensor_faults(&broken);
+            let both: Vec<&str> = found.iter().map(|f| f.sensor.as_str()).collect();
+            assert_eq!(both, [name_of(0), name_of(1)], "{name}, sensor {wrong} times {factor}: {found:?}");
+            assert!(found.iter().all(|f| f.fault == Fault::WrongUnit && f.says == found[0].says), "{found:?}");
+            assert!(in_words(&found).contains("one of the two is"), "{}", in_words(&found));
+            assert!(!in_words(&found).contains("ignore"), "{}", in_words(&found));
+        }
+    }
 }

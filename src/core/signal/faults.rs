@@ -13,7 +13,7 @@ use crate::signal::error::SignalError;
 use crate::signal::features::Features;
 use crate::signal::front::Front;
 use crate::signal::inspect::inspect_stations;
-use crate::signal::levels::{finite, temperature_degc};
+use crate::signal::levels::{finite, flow_m3_s, temperature_degc};
 use crate::signal::station::{Station, stations};
 
 /// What is wrong with a sensor.
@@ -163,6 +163,10 @@ struct Scene<'a> {
     /// Nominal wave speed, mean over the pipes, m/s.
     speed_m_s: f64,
     density_kg_m3: f64,
+    /// First onset of a front, s.
+    start_s: f64,
+    /// What stopping the flow at once makes, `aV/g`, m; none without a flow.
+    rise_m: Option<f64>,
 }
 
 impl<'a> Scene<'a> {
@@ -170,7 +174,11 @@ impl<'a> Scene<'a> {
         let rig = &recording.rig;
         let water = rig.fluid.properties(temperature_degc);
         let (speed_m_s, ..) = rig.wave_speed_start(&water);
-        Scene { recording, rig, stations, speed_m_s, density_kg_m3: water.density_kg_m3 }
+        let onset_s = |s: &Station| Some(s.coarse.time_s(s.front.as_ref().ok()?.onset));
+        let start_s = stations.iter().filter_map(onset_s).fold(f64::INFINITY, f64::min);
+        let velocity = flow_m3_s(recording, start_s).map(|flow| flow.value / rig.pipes[rig.pipes.len() - 1].area_m2());
+        let rise_m = velocity.map(|v| speed_m_s * v / crate::units::GRAVITY_M_S2).filter(|rise_m| *rise_m > 0.0);
+        Scene { recording, rig, stations, speed_m_s, density_kg_m3: water.density_kg_m3, start_s, rise_m }
     }
 
     fn name(&self, station: &Station) -> &'a str {
@@ -218,12 +226,7 @@ impl<'a> Scene<'a> {
     fn held(&self, station: &Station) -> Found {
         let sensor = &self.rig.sensors[station.sensor];
         let (times, values) = self.values(station);
-        let closing_s = self
-            .stations
-            .iter()
-            .filter_map(|s| Some(s.coarse.time_s(s.front.as_ref().ok()?.onset)))
-            .fold(f64::INFINITY, f64::min);
-        let first = times.partition_point(|t| *t < closing_s);
+        let first = times.partition_point(|t| *t < self.start_s);
         let after = values.get(first..).filter(|v| v.len() > LEAST_SAMPLES)?;
         let (low, high) = ends(&values);
         let swing = high - low;
@@ -333,17 +336,30 @@ impl<'a> Scene<'a> {
         let by_level = steady(station, front) / median(|a| a.1);
         let away =
             by_front > 0.0 && by_front.ln().abs() > OTHER_UNIT.ln() && (0.4..2.5).contains(&(by_level / by_front));
-        // of two sensors, the one whose front is no closure's
-        let usual = |h: f64| (h / 60.0).ln().abs();
-        let odd = all.len() > 1 || usual(front.height_m()) > usual(all[0].0);
-        (away && odd).then(|| {
+        if !away {
+            return None;
+        }
+        let [(other, other_front)] = self.others(i).collect::<Vec<_>>()[..] else {
             let says = format!(
                 "its steady pressure is {} times and its first front {} times that of the others",
                 significant(by_level, 2),
                 significant(by_front, 2)
             );
-            (Fault::WrongUnit, says)
-        })
+            return Some((Fault::WrongUnit, says));
+        };
+        // Of two sensors, the flow tells which is wrong. Without it, one sentence for both says that one is.
+        let off = |f: &Front| self.rise_m.map(|rise_m| (f.height_m() / rise_m).ln().abs());
+        if off(front).zip(off(other_front)).is_some_and(|(own, other)| own < other) {
+            return None;
+        }
+        let (large, small) = if by_front > 1.0 { (station, other) } else { (other, station) };
+        let says = format!(
+            "the first front of {} is {} times that of {}",
+            self.name(large),
+            significant(by_front.max(1.0 / by_front), 2),
+            self.name(small)
+        );
+        Some((Fault::WrongUnit, if self.rise_m.is_some() { says } else { says + ": one of the two is" }))
     }
 
     /// Stations whose times are in another unit: the wave would be far too fast or slow, or the record far longer than the others.
