@@ -63,7 +63,7 @@ struct Shared<'a> {
     broken: Mutex<Option<CampaignError>>,
 }
 
-/// Runs a shard to its end, or until it is told to stop.
+/// Runs a shard to its end, or until someone stops it.
 ///
 /// # Errors
 /// A folder that is no campaign's, a full disk, a program that cannot start itself. What was finished is kept.

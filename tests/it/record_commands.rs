@@ -253,7 +253,7 @@ fn the_command_ends_with_the_session_by_force_if_it_must() {
     }
 }
 
-/// What a person at the rig gets wrong, and what they are told; nothing is written then.
+/// Mistakes of a person at the rig, and the messages that answer them. Nothing is written.
 #[test]
 fn a_command_that_cannot_be_recorded_says_why() {
     let refused = |source: &str, more: &[&str], said: &[&str]| {

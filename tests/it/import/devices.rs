@@ -119,6 +119,13 @@ fn oscilloscopes_state_when_and_give_volts() {
     let tektronix =
         |i: usize, p: f64| format!("{},,{:.6},{:.5},", beside.get(i).unwrap_or(&","), 1e-3 * i as f64 - 0.01, 0.25 * p);
     is_read("Tektronix", &table("", tektronix), &guessing(), "V", 0.25);
+    // in a file of a few rows, settings stand beside most of them
+    let all = table("", tektronix);
+    let few: String = all.lines().take(8).map(|line| format!("{line}\n")).collect();
+    let file = read(&few, &guessing()).unwrap();
+    let track = &file.tracks[0];
+    assert_eq!((file.tracks.len(), track.unit.as_deref(), track.series.value.len()), (1, Some("V"), 8));
+    assert!((track.series.time_s[7] - track.series.time_s[0] - 0.007).abs() < 1e-9, "{:?}", track.series.time_s);
 }
 
 #[test]

@@ -307,7 +307,7 @@ fn files_of_arrays_are_tables() {
         let bytes = std::fs::read(format!("tests/fixtures/{name}")).unwrap();
         bench.put(name, &bytes);
         let (document, _) = bench.import(besides.map_or(0, |_| 3), &[&[name, "--yes"], options].concat());
-        // what is not read is named, and is no loss where it is said to be none
+        // what is not read is named; it is no loss where the file itself says so
         if let Some(besides) = besides {
             assert!(mended(&document, "not-read")["text"].as_str().unwrap().contains(&format!("'{besides}'")));
             bench.import(0, &[&[name, "--yes", "--ignore", besides], options].concat());

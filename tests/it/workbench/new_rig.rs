@@ -39,7 +39,7 @@ fn accepted(bench: &Workbench, table: &str, form: &Value, expected: u16) -> Valu
     bench.post("/api/new-rig", &json!({ "table": table, "form": form, "accept": true }), expected)
 }
 
-/// What is said of a field, with its weight.
+/// The message beside a field, and its weight.
 fn remark<'a>(answer: &'a Value, field: &str) -> Option<(&'a str, &'a str)> {
     let all = answer["remarks"].as_array().unwrap();
     let of_field = all.iter().find(|remark| remark["field"] == field)?;

@@ -244,7 +244,7 @@ mod tests {
         assert!(dies_away(&run, "").starts_with("a.mcap: the fit leaves 0.26 of the noise before the closure"));
     }
 
-    /// A valve of 2 s that is seen to close in 2.013 s is no conflict, however well that is seen; one that is said to 1% and seen to close in 2.3 s is.
+    /// A valve of 2 s that is seen to close in 2.013 s is no conflict, however well that is seen; one that is stated to 1% and seen to close in 2.3 s is.
     #[test]
     fn a_closing_time_is_judged_by_what_the_rig_file_leaves_open() {
         let closing = |seen_s, said_s| contradicts_rig_file(&ShownClosing { seen_s, said_s });

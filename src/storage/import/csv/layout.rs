@@ -385,7 +385,9 @@ struct Late {
 impl Late {
     fn of<'c>(rows: impl Iterator<Item = Vec<Cow<'c, str>>>) -> Late {
         let mut counts: Vec<(usize, usize)> = Vec::new();
+        let mut all = 0;
         for row in rows {
+            all += 1;
             counts.resize(counts.len().max(row.len()), (0, 0));
             for ((words, others), cell) in counts.iter_mut().zip(&row) {
                 match Cell::of(cell) {
@@ -394,6 +396,11 @@ impl Late {
                     _ => *others += 1,
                 }
             }
+        }
+        // In a file of a few rows the settings may reach its second half: names, but not in every row, and an empty column behind their values.
+        let gap = counts.iter().position(|c| *c == (0, 0)).unwrap_or(0);
+        if gap > 0 && counts[0].1 == 0 && counts[0].0 < all {
+            counts[..gap].fill((0, 0));
         }
         Late { counts }
     }

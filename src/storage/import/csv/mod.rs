@@ -15,6 +15,7 @@ pub(crate) mod heading;
 pub(crate) mod keyed;
 pub(crate) mod layout;
 pub(crate) mod lines;
+mod looks;
 pub(crate) mod missing;
 pub(crate) mod numbers;
 pub(crate) mod order;

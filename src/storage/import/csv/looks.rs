@@ -1,0 +1,111 @@
+//! What a column of a table looks like by its cells alone, and units that stand in columns of their own.
+
+use crate::robust::median;
+use crate::storage::import::csv::cell::Cell;
+use crate::storage::import::csv::heading::{heading_unit, is_known_unit, is_time_name, time_unit};
+use crate::storage::import::csv::layout::{Column, Layout};
+use crate::storage::import::csv::stamp::Stamp;
+
+/// Steps of an even column differ from their median by less than this share of it, in nineteen of twenty.
+pub(crate) const EVEN: f64 = 0.1;
+/// What a column looks like.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Looks {
+    Empty,
+    Words,
+    /// One and the same unit in every row.
+    Unit(String),
+    /// Several: two of them.
+    Units(String, String),
+    Stamps(Stamp),
+    Numbers {
+        even: bool,
+        values: Vec<f64>,
+    },
+}
+
+impl Looks {
+    /// Of one column, from its cells.
+    pub(crate) fn of(layout: &Layout<'_>, column: usize) -> Looks {
+        let cells: Vec<(Cell, &str)> =
+            layout.column(column).map(|c| (Cell::of(c), c)).filter(|(c, _)| *c != Cell::Empty).collect();
+        let count = |is: fn(&Cell) -> bool| cells.iter().filter(|(c, _)| is(c)).count();
+        let (words, numbers) = (count(|c| c.is_word()), count(|c| c.is_number()));
+        let stamps = count(|c| matches!(c, Cell::Stamp(_)));
+        let missing = count(|c| *c == Cell::Missing);
+        let first = || cells.iter().find_map(|(c, _)| if let Cell::Stamp(stamp) = c { Some(*stamp) } else { None });
+        match cells.first() {
+            None => Looks::Empty,
+            Some((_, unit)) if is_known_unit(unit) && cells.iter().all(|(_, c)| c == unit) => {
+                Looks::Unit((*unit).to_owned())
+            }
+            // of several units no number has a known one
+            Some((_, unit)) if is_known_unit(unit) && cells.iter().all(|(_, c)| is_known_unit(c)) => Looks::Units(
+                (*unit).to_owned(),
+                cells.iter().find(|(_, c)| c != unit).map_or(String::new(), |(_, c)| (*c).to_owned()),
+            ),
+            _ if words > numbers.max(stamps) => Looks::Words,
+            _ if numbers + stamps == 0 && missing > 0 => Looks::Words,
+            _ if stamps >= numbers => first().map_or(Looks::Words, Looks::Stamps),
+            _ => {
+                let values: Vec<f64> = cells.iter().map(|(c, _)| c.value()).filter(|v| !v.is_nan()).collect();
+                Looks::Numbers { even: is_even(&values), values }
+            }
+        }
+    }
+}
+
+/// A unit in a column of its own is that of the values beside it: of those on its left, or, where one of these columns has no values there, as in
+/// `Time;Unit;Valve;Unit;Middle`, of those on the right.
+pub(crate) fn take_unit_columns(layout: &mut Layout<'_>, looks: &[Looks]) {
+    let is_unit = |i: usize| matches!(looks[i], Looks::Unit(_) | Looks::Units(..));
+    let units: Vec<usize> = (0..looks.len()).filter(|&i| is_unit(i)).collect();
+    let values = |i: Option<usize>| i.filter(|&at| matches!(looks[at], Looks::Numbers { .. }));
+    let passes = |at: &usize| !is_unit(*at) && looks[*at] != Looks::Empty;
+    let left = |i: usize| values((0..i).rev().find(passes));
+    let right = |i: usize| values((i + 1..looks.len()).find(passes));
+    // the unit of a time is that of times; others are of what is neither a time nor a counter
+    let is_time = |layout: &Layout<'_>, i: usize| {
+        let Column { heading, name, unit, .. } = &layout.columns[i];
+        matches!(looks[i], Looks::Numbers { even: true, .. })
+            || unit.as_deref().and_then(time_unit).or_else(|| heading_unit(heading)).is_some()
+            || is_time_name(name)
+    };
+    let fits = |layout: &Layout<'_>, unit: usize, column: Option<usize>| {
+        let of_time = matches!(&looks[unit], Looks::Unit(unit) if time_unit(unit).is_some());
+        column.is_some_and(|column| of_time || !is_time(layout, column))
+    };
+    let is_right = units.iter().any(|&i| !fits(layout, i, left(i))) && units.iter().all(|&i| fits(layout, i, right(i)));
+    for &i in &units {
+        let Some(column) = (if is_right { right(i) } else { left(i) }) else { continue };
+        match &looks[i] {
+            Looks::Unit(unit) => {
+                let mut found = layout.contradiction.take();
+                layout.columns[column].state(unit, None, &mut found);
+                layout.contradiction = found;
+            }
+            Looks::Units(one, other) => {
+                let heading = layout.columns[column].heading.clone();
+                layout.contradiction.get_or_insert((None, [heading, one.clone(), other.clone()]));
+            }
+            _ => {}
+        }
+    }
+}
+
+/// The usual step of times that rise.
+pub(crate) fn median_step(values: &[f64]) -> Option<f64> {
+    let mut steps: Vec<f64> = values.windows(2).map(|w| w[1] - w[0]).filter(|s| *s > 0.0).collect();
+    (!steps.is_empty()).then(|| median(&mut steps))
+}
+
+/// Steps of one size, all but a few.
+pub(crate) fn is_even(values: &[f64]) -> bool {
+    let mut steps: Vec<f64> = values.windows(2).map(|w| w[1] - w[0]).collect();
+    if steps.len() < 2 || steps.iter().filter(|s| **s < 0.0).count() > steps.len() / 20 {
+        return false;
+    }
+    let median = median(&mut steps);
+    let even = steps.iter().filter(|s| (**s - median).abs() <= EVEN * median).count();
+    median > 0.0 && 20 * even >= 19 * steps.len()
+}
