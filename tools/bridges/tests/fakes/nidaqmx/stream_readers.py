@@ -17,8 +17,9 @@ class AnalogMultiChannelReader:
         newest = stream.relative_to == ReadRelativeTo.MOST_RECENT_SAMPLE
         first = (device.come() if newest else stream.curr_read_pos) + stream.offset
         in_time = device.wait_for(first + scans, timeout)
-        if device.failure():
-            raise DaqReadError("The device does not answer.", device.failure(), 0)
+        code = device.failure(first)
+        if code:
+            raise DaqReadError("The device does not answer.", code, 0)
         if device.come() - first > stream.input_buf_size:
             if stream.overwrite == OverwriteMode.DO_NOT_OVERWRITE_UNREAD_SAMPLES:
                 raise AssertionError("the acquisition would have stopped")

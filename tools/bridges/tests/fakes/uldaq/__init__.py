@@ -76,8 +76,9 @@ class AiDevice:
         return float(rate)
 
     def get_scan_status(self):
-        if self.device.failure():
-            raise ULException(self.device.failure())
+        code = self.device.failure(self.written)
+        if code:
+            raise ULException(code)
         come, width = self.device.come(), len(self.channels)
         for scan in range(max(self.written, come - self.ring), come):
             for i, channel in enumerate(self.channels):
@@ -86,8 +87,9 @@ class AiDevice:
         return ScanStatus.RUNNING, TransferStatus(come, width, self.ring)
 
     def scan_stop(self):
-        if self.device.failure():
-            raise ULException(self.device.failure())
+        code = self.device.failure(self.written)
+        if code:
+            raise ULException(code)
 
 
 class DaqDevice:

@@ -40,9 +40,9 @@ def eStreamRead(handle):
     stream = _streams[handle]
     device, first, end = stream["device"], stream["read"], stream["read"] + stream["scans"]
     device.wait_for(end)
-    if device.failure():
+    code = device.failure(first)
+    if code:
         # LJM stops the stream
-        code = device.failure()
         del _streams[handle]
         raise LJMError(code)
     stream["read"] = end
