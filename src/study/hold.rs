@@ -3,6 +3,7 @@
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
 use crate::fit::problem::fit_problem::{FitProblem, Window};
+use crate::fit::problem::parameters;
 use crate::fit::search::options::Options;
 use crate::model::Model;
 use crate::model::constraint::Constraint;
@@ -38,14 +39,17 @@ impl std::fmt::Display for Hold {
     }
 }
 
+/// The parameters of a model that all runs share.
+fn shared_names(rig: &Rig, runs: &[RunData], effects: &[Chosen]) -> Vec<String> {
+    let Some(run) = runs.first() else { return Vec::new() };
+    let model = Model::new(rig, &run.conditions.water, effects);
+    parameters::shared(&model, runs).into_iter().map(|p| p.name).collect()
+}
+
 /// What `hold` means for each of several models. A value that one of them shares among runs concerns only those that have it; any
 /// other is held in every run, and the fit refuses it where there is no such parameter.
 pub fn constraints(rig: &Rig, runs: &[RunData], models: &[Vec<Chosen>], hold: &[Hold]) -> Vec<Vec<Constraint>> {
-    let shared = |effects: &Vec<Chosen>| -> Vec<String> {
-        let Some(run) = runs.first() else { return Vec::new() };
-        Model::new(rig, &run.conditions.water, effects).shared.into_iter().map(|p| p.name).collect()
-    };
-    let own: Vec<Vec<String>> = models.iter().map(shared).collect();
+    let own: Vec<Vec<String>> = models.iter().map(|effects| shared_names(rig, runs, effects)).collect();
     let of = |known: &Vec<String>| {
         let mut all = Vec::new();
         for Hold { name, lower, upper } in hold {
@@ -91,10 +95,10 @@ pub fn beyond(rig: &Rig, runs: &[RunData], effects: &[Chosen], values: &[(String
     let effects: Vec<Chosen> = effects.iter().map(most).collect();
     let model = Model::new(rig, &run.conditions.water, &effects);
     let window = Window { reaches: 1, horizon_s: f64::INFINITY, stride: 1 };
-    let parameters = FitProblem::new(&model, runs, window).parameters;
+    let known = FitProblem::new(&model, runs, window).parameters;
     let outside = |(name, value): &(String, f64)| {
         let outside = |p: &&Parameter| p.name == *name && !(p.lower..=p.upper).contains(value);
-        let p = parameters.iter().find(outside)?;
+        let p = known.iter().find(outside)?;
         Some(Beyond { name: name.clone(), value: *value, lower: p.lower, upper: p.upper })
     };
     values.iter().filter_map(outside).collect()
@@ -109,11 +113,10 @@ pub fn settle(
     runs: &[RunData],
     effects: &[Chosen],
 ) -> Vec<String> {
-    let Some(run) = runs.first() else { return Vec::new() };
-    let model = Model::new(rig, &run.conditions.water, effects);
+    let shared = shared_names(rig, runs, effects);
     let has = |c: &Constraint| match &c.run {
         Some(file) => runs.iter().any(|run| run.file == *file),
-        None => model.shared.iter().any(|p| p.name == c.name),
+        None => shared.contains(&c.name),
     };
     let own = held.len();
     let mut unknown = Vec::new();

@@ -1,6 +1,6 @@
 //! `--hold`: known values stay, models at published values lie over a measurement.
 
-use crate::common::{done, ended, run, text};
+use crate::common::{NOTHING, done, ended, run, text};
 
 const SEVERE: &str = "recordings/adelaide/adelaide-severe.mcap";
 const PUBLISHED: [&str; 7] = [
@@ -37,6 +37,23 @@ fn models_at_published_values_lie_over_the_measurement() {
     assert!(rmse_m < 35.0, "{rmse_m} m of 215 m");
     let text = std::fs::read_to_string(page).unwrap();
     assert!(text.contains("+ vapour-cavity") && text.contains("base model"));
+}
+
+/// What a fit lists can be held by the name it is listed by: shared values, places of sensors, values of the run.
+#[test]
+fn whatever_a_fit_lists_can_be_held() {
+    let command = ["calibrate", NOTHING, "--effects", "viscoelastic-wall:1", "--most-reaches", "32", "--hold"];
+    let values = |fit: &serde_json::Value| -> Vec<String> {
+        let parameters = fit["parameters"].as_array().unwrap().iter();
+        parameters.map(|p| format!("{}={}", p["name"].as_str().unwrap(), p["value"])).collect()
+    };
+    let fitted = values(&done(&[&command[..], &["friction_scale=1"]].concat()));
+    let held: Vec<&str> = fitted.iter().map(String::as_str).collect();
+    assert!(
+        held.iter().any(|name| name.starts_with("position_m[P2]")) && held.contains(&"friction_scale=1.0"),
+        "{held:?}"
+    );
+    assert_eq!(values(&done(&[&command[..], &held].concat())), fitted);
 }
 
 #[test]

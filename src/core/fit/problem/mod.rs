@@ -10,7 +10,7 @@ pub(crate) mod latest;
 pub mod method;
 pub mod objective;
 pub mod observed;
-pub(crate) mod parameters;
+pub mod parameters;
 pub mod rows;
 #[cfg(test)]
 pub(crate) mod test_record;

@@ -74,6 +74,13 @@ pub(crate) fn of(model: &Model, runs: &[RunData]) -> (Vec<Parameter>, Vec<usize>
     (parameters, run_offsets)
 }
 
+/// The variables that all runs share: the model's, and the places of sensors.
+pub fn shared(model: &Model, runs: &[RunData]) -> Vec<Parameter> {
+    let (mut parameters, run_offsets) = of(model, runs);
+    parameters.truncate(run_offsets.first().copied().unwrap_or(parameters.len()));
+    parameters
+}
+
 /// The sensor whose place the variable of this name is.
 pub fn placed_sensor(name: &str) -> Option<&str> {
     name.strip_prefix("position_m[")?.strip_suffix(']')
