@@ -240,15 +240,15 @@ impl Planner<'_> {
         Ok(groups)
     }
 
-    /// An effect of the catalogue, or `nothing`.
+    /// An effect of the catalogue, `nothing`, or `unknown` for one that is not in it.
     fn truth(&self, written: &Spanned<String>) -> Result<String> {
         let name = written.get_ref().as_str();
-        let known = CATALOGUE.iter().map(|effect| effect.name()).chain(["nothing"]);
+        let known = CATALOGUE.iter().map(|effect| effect.name()).chain(["nothing", "unknown"]);
         if known.clone().any(|k| k == name) {
             return Ok(name.to_owned());
         }
         let hint = nearest(name, known).map(|near| format!("; did you mean '{near}'?")).unwrap_or_default();
-        let message = format!("truth is an effect of the catalogue or \"nothing\", not \"{name}\"{hint}");
+        let message = format!("truth is an effect of the catalogue, \"nothing\", or \"unknown\", not \"{name}\"{hint}");
         Err(self.source.fault(written.span(), message))
     }
 
