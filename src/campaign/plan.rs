@@ -64,7 +64,7 @@ pub fn plan(file: &Path, root: &Path, copy: bool) -> Result<Planned> {
     if was_there {
         let old = fs::read(folder.tasks_file()).map_err(CampaignError::io("read", &folder.tasks_file()))?;
         if old != text.as_bytes() {
-            let finished = folder.marks()?.all().map_err(CampaignError::io("read", &folder.place("marks")))?;
+            let finished = folder.marks_to_read()?.all().map_err(CampaignError::io("read", &folder.place("marks")))?;
             let finished = finished.iter().filter(|mark| **mark != Mark::Missing).count();
             return Err(CampaignError::OtherPlan { folder: root.to_owned(), tasks: folder.count()?, finished });
         }
