@@ -112,6 +112,9 @@ fn a_slip_of_a_plan_is_refused_with_its_line() {
     study.refusal(&FITS.replace("starts", "start"), &["refused.toml:4", "did you mean 'starts'"]);
     study.refusal(&FITS.replace("most_reaches", "most_reach"), &["refused.toml:6", "did you mean 'most_reaches'"]);
     study.refusal(&FITS.replace("unsteady-friction", "unsteady-fiction"), &["refused.toml:3", "unsteady-friction"]);
+    let rig = here("rigs/demo-hdpe.toml");
+    let simulations = format!("kind = \"simulate\"\nrigs = [{rig:?}]\n[set]\nwave_sped = 300.0\n");
+    study.refusal(&simulations, &["demo-hdpe.toml", "did you mean 'wave_speed_m_s'"]);
     refused(&["campaign", "run", text(study.place.path())], &["no folder of a campaign", "campaign plan"]);
 }
 
