@@ -3,12 +3,27 @@
 blind.py PROGRAM FOLDER: the table of docs/src/measured/blind.md
 
 FOLDER as hidden_folder.py says."""
+import json
 import statistics
+import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 
-from hidden_folder import answer_of, answers, diagnose
+from hidden_folder import answer_of, answers, imported
+
+
+def diagnose(program, folder, case, answer, work):
+    """What the program says of a case, and the seconds that it took."""
+    recordings = imported(program, folder, case, work)
+    start = ",".join(answer["start_effects"]) or "none"
+    began = time.time()
+    run = subprocess.run([program, "diagnose", *recordings, "--effects", start, "--json"], capture_output=True, text=True)
+    if run.returncode != 0:
+        raise SystemExit(f"{case}: {run.stderr.strip()}")
+    return json.loads(run.stdout), time.time() - began
+
 
 program, folder = sys.argv[1], Path(sys.argv[2])
 cases = answers(folder)

@@ -3,48 +3,31 @@
 coverage.py PROGRAM FOLDER [KEEP [OPEN]]
 
 FOLDER as tools/hidden writes it, with `truth` in answers.json; the start effects are those of the answers, with the true number of creep
-elements, or with their number left open where OPEN is `open`. What the program says is kept in KEEP (a .jsonl), so that a run that is
-cut off goes on. `off` is the root mean square of (estimate - truth) / standard error, logarithms where the interval is not symmetric: 1 where errors are what they
+elements, or with their number left open where OPEN is `open`. The work is a campaign in the folder KEEP, FOLDER/coverage where none is given: one that
+is cut off goes on. Seconds are those of one core. `off` is the root mean square of (estimate - truth) / standard error, logarithms where the interval is not symmetric: 1 where errors are what they
 are said to be. An open end of an interval reaches the parameter's bound and counts as inside."""
-import json
 import math
-import subprocess
 import sys
-import tempfile
-import time
 from pathlib import Path
 
 from hidden_folder import answers, imported
+from planned import done
 
 Z = 1.959964
 LINEAR = {"valve_head_m", "closure_start_s"}
 
 
-def calibrate(program, folder, case, answer, open_number, work):
-    recordings = imported(program, folder, case, work)
+def model(answer, open_number):
+    """The effects that a recording was made with."""
     elements = sum(name.startswith("tau") for name in answer["truth"]["shared"])
     fixed = {"viscoelastic-wall": f"viscoelastic-wall:{elements}"} if not open_number else {}
-    effects = ",".join(fixed.get(e, e) for e in answer["start_effects"]) or "none"
-    began = time.time()
-    run = subprocess.run([program, "calibrate", *recordings, "--effects", effects, "--json"], capture_output=True, text=True)
-    seconds = time.time() - began
-    for recording in recordings:
-        Path(recording).unlink()
-    if run.returncode != 0:
-        raise SystemExit(f"{case}: {run.stderr.strip()}")
-    return json.loads(run.stdout), seconds
+    return [fixed.get(e, e) for e in answer["start_effects"]] or ["none"]
 
 
 def said_of(program, folder, keep, open_number):
-    said = [json.loads(line) for line in keep.read_text().splitlines()] if keep.exists() else []
-    known = {s["case"] for s in said}
-    with tempfile.TemporaryDirectory() as work, keep.open("a") as out:
-        for case, answer in answers(folder):
-            if case not in known:
-                found, seconds = calibrate(program, folder, case, answer, open_number, work)
-                said.append({"case": case, "s": seconds, "said": found})
-                print(json.dumps(said[-1]), file=out, flush=True)
-    return said
+    cases = [{"name": case, "recordings": imported(program, folder, case, keep / "recordings"), "effects": [model(answer, open_number)]}
+             for case, answer in answers(folder)]
+    return [{"case": task["case"], "s": seconds, "said": said} for task, said, seconds in done(program, keep, cases, kind="calibrate")]
 
 
 def kind(name):
@@ -148,9 +131,9 @@ def table(rows):
 
 
 def main():
-    program, folder = sys.argv[1], Path(sys.argv[2])
+    program, folder = sys.argv[1], Path(sys.argv[2]).resolve()
     open_number = "open" in sys.argv[4:]
-    keep = Path(sys.argv[3]) if len(sys.argv) > 3 else folder / "coverage.jsonl"
+    keep = Path(sys.argv[3]).resolve() if len(sys.argv) > 3 else folder / "coverage"
     said = said_of(program, folder, keep, open_number)
     truths = dict(answers(folder))
     rows = [row for s in said for row in judged(s, truths[s["case"]])]

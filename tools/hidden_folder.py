@@ -4,7 +4,6 @@ answers.json ({case: {"hidden": {"effect": ...}, "start_effects": [...]}}) and a
 run2.csv. The answers are read only to choose the start model and to fill in the truth beside what the program says."""
 import json
 import subprocess
-import time
 from pathlib import Path
 
 VERDICTS = {"nothing-missing": "nothing", "unknown-effect": "unknown"}
@@ -15,26 +14,15 @@ def answers(folder):
 
 
 def imported(program, folder, case, work):
-    """The recordings of a case, imported."""
+    """The recordings of a case, imported where they are not there."""
     recordings = []
+    Path(work).mkdir(parents=True, exist_ok=True)
     for csv in sorted((folder / case).glob("run*.csv")):
         recordings.append(f"{work}/{case}-{csv.stem}.mcap")
-        rig = str(folder / case / "rig.toml")
-        subprocess.run([program, "import", str(csv), "--rig", rig, "-o", recordings[-1]], check=True, capture_output=True)
+        if not Path(recordings[-1]).exists():
+            rig = str(folder / case / "rig.toml")
+            subprocess.run([program, "import", str(csv), "--rig", rig, "-o", recordings[-1]], check=True, capture_output=True)
     return recordings
-
-
-def diagnose(program, folder, case, answer, work):
-    """What the program says of a case, and the seconds that it took."""
-    recordings = imported(program, folder, case, work)
-    start = ",".join(answer["start_effects"]) or "none"
-    began = time.time()
-    run = subprocess.run([program, "diagnose", *recordings, "--effects", start, "--json"], capture_output=True, text=True)
-    for recording in recordings:
-        Path(recording).unlink()
-    if run.returncode != 0:
-        raise SystemExit(f"{case}: {run.stderr.strip()}")
-    return json.loads(run.stdout), time.time() - began
 
 
 def answer_of(said):

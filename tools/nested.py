@@ -5,17 +5,17 @@ nested.py PROGRAM COUNT SEED FOLDER...: a line of docs/src/measured/reliability.
 FOLDER as hidden_folder.py says. The smaller model holds the start effects and up to one other; each bigger one, of up to eight, one more.
 Each is calibrated from the signals alone, on at most 64 reaches. What is compared is what a fit minimises, `cost`. Worse is more than a thousandth
 above, in the root of it. Counted apart are effects that the smaller model is not quite contained in (APART): unsteady friction's prior makes it
-costly to vanish, the least gas is seen near vacuum, and with cavities no head is below that of vapour. Each pair goes to the standard error output as it ends."""
+costly to vanish, the least gas is seen near vacuum, and with cavities no head is below that of vapour. The work is a campaign in
+FOLDER/nested-COUNT-SEED of the first FOLDER: one that is cut off goes on."""
 import json
 import random
 import shutil
 import subprocess
 import sys
-import tempfile
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from hidden_folder import answers, imported
+from planned import done
 
 WORSE = 1.001
 EFFECTS = ["unsteady-friction", "entrained-gas", "vapour-cavity", "leak", "blockage", "section-change", "valve-law", "valve-seat-leak", "supply-drift",
@@ -23,39 +23,25 @@ EFFECTS = ["unsteady-friction", "entrained-gas", "vapour-cavity", "leak", "block
 
 APART = {"unsteady-friction", "entrained-gas", "vapour-cavity"}
 
-program, count, seed, folders = sys.argv[1], int(sys.argv[2]), int(sys.argv[3]), [Path(f) for f in sys.argv[4:]]
+program, count, seed, folders = sys.argv[1], int(sys.argv[2]), int(sys.argv[3]), [Path(f).resolve() for f in sys.argv[4:]]
 BIGGER = 8
 drawn = random.Random(seed)
 cases = [(folder, case, answer) for folder in folders for case, answer in answers(folder)]
+place = folders[0] / f"nested-{count}-{seed}"
+catalogue = json.loads(subprocess.run([program, "effects", "--json"], check=True, capture_output=True, text=True).stdout)["effects"]
+excluded = {(effect["name"], other["name"]) for effect in catalogue for other in effect["excludes"]}
 
 
-def beginning(folder, case, work):
-    """A folder with the beginning of the case's first recording: many models are fitted, and the property is theirs, not the record's."""
-    short = Path(work) / case
-    short.mkdir()
-    shutil.copy(folder / case / "rig.toml", short)
-    head, *rows = (folder / case / "run.csv").read_text().splitlines(keepends=True)
-    until_s = 2.0 + 0.2 * float(rows[-1].split(",")[0])
-    (short / "run.csv").write_text(head + "".join(row for row in rows if float(row.split(",")[0]) < until_s))
-    return Path(work)
-
-
-def calibrated(recordings, effects):
-    """What the fit minimised, or none where the program refuses the model."""
-    run = subprocess.run([program, "calibrate", *recordings, "--effects", ",".join(effects) or "none", "--most-reaches", "64", "--json"],
-                         capture_output=True, text=True)
-    return json.loads(run.stdout)["cost"] if run.returncode == 0 else None
-
-
-def tried(one):
-    (folder, case, _), smaller, more = one
-    with tempfile.TemporaryDirectory() as work:
-        recordings = imported(program, beginning(folder, case, work), case, work)[:1]
-        first = calibrated(recordings, smaller)
-        results = [(f"{folder.name}/{case}", smaller, effect, first, calibrated(recordings, [*smaller, effect])) for effect in more]
-    for result in results:
-        print(json.dumps(result), file=sys.stderr, flush=True)
-    return results
+def beginning(folder, case):
+    """The beginning of the case's first recording: many models are fitted, and the property is theirs, not the record's."""
+    short = place / "beginnings" / folder.name / case
+    if not (short / "run.csv").exists():
+        short.mkdir(parents=True, exist_ok=True)
+        shutil.copy(folder / case / "rig.toml", short)
+        head, *rows = (folder / case / "run.csv").read_text().splitlines(keepends=True)
+        until_s = 2.0 + 0.2 * float(rows[-1].split(",")[0])
+        (short / "run.csv").write_text(head + "".join(row for row in rows if float(row.split(",")[0]) < until_s))
+    return imported(program, short.parent, case, place / "recordings" / folder.name)
 
 
 def draw():
@@ -67,8 +53,22 @@ def draw():
     return case, start + others[:beside], others[beside : beside + BIGGER]
 
 
-with ThreadPoolExecutor(2) as pool:
-    results = [result for results in pool.map(tried, [draw() for _ in range(-(-count // BIGGER))]) for result in results][:count]
+def refused(model):
+    """Whether effects of a model exclude each other."""
+    names = [effect.split(":")[0].split("@")[0] for effect in model]
+    return any((one, other) in excluded for one in names for other in names)
+
+
+draws = [draw() for _ in range(-(-count // BIGGER))]
+plans = []
+for (folder, case, _), smaller, more in draws:
+    models = [model or ["none"] for model in [smaller, *([*smaller, effect] for effect in more)] if not refused(model)]
+    if models:
+        plans.append({"name": f"{folder.name}/{case}", "recordings": beginning(folder, case), "effects": models})
+fits = done(program, place, plans, {"most_reaches": 64}, may_fail=True, kind="calibrate")
+cost = {(task["case"], *task["effects"]): fit["cost"] for task, fit, _ in fits if fit}
+pairs = [(f"{folder.name}/{case}", smaller, effect) for (folder, case, _), smaller, more in draws for effect in more][:count]
+results = [(case, smaller, effect, cost.get((case, *smaller)), cost.get((case, *smaller, effect))) for case, smaller, effect in pairs]
 compared = [r for r in results if r[3] is not None and r[4] is not None]
 worse = [r for r in compared if r[4] > WORSE**2 * r[3]]
 print(f"{len(results) - len(compared)} of {len(results)} pairs of models refused.")

@@ -160,7 +160,7 @@ impl<'a> Hand<'a> {
                     let status = process.child.wait();
                     return Ok(match status {
                         Ok(status) if was_asked(status) => Err(Ended::Asked),
-                        Ok(status) => Ok(failed(began, &format!("its process ended: {status}"))),
+                        Ok(status) => Ok(failed(began, &how_it_ended(status))),
                         Err(e) => Ok(failed(began, &format!("its process ended: {e}"))),
                     });
                 }
@@ -182,6 +182,15 @@ fn understood(line: &str) -> Option<(f64, Answer)> {
         "failed" => Some((seconds, Answer::Failed(serde_json::from_str(rest).ok()?))),
         _ => None,
     }
+}
+
+fn how_it_ended(status: std::process::ExitStatus) -> String {
+    #[cfg(unix)]
+    if std::os::unix::process::ExitStatusExt::signal(&status) == Some(nix::libc::SIGKILL) {
+        return "its process was killed (SIGKILL), as a system does that is short of memory: run fewer tasks at a time"
+            .into();
+    }
+    format!("its process ended: {status}")
 }
 
 /// Whether a child ended because somebody asked it to: that is no fault of its task.

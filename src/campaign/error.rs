@@ -13,7 +13,7 @@ pub enum CampaignError {
     Plan { file: String, line: usize, message: String, source_line: String },
     #[error("{file}: {message}")]
     PlanAsWhole { file: String, message: String },
-    #[error("cannot {action} {}: {source}", path.shown())]
+    #[error("cannot {action} {}", path.shown())]
     Io { action: &'static str, path: PathBuf, source: io::Error },
     #[error("{} holds another campaign of {tasks} tasks, {finished} of them finished: choose another folder", .folder.shown())]
     OtherPlan { folder: PathBuf, tasks: usize, finished: usize },
@@ -25,13 +25,13 @@ pub enum CampaignError {
     DamagedTask { file: PathBuf, line: usize, why: String },
     #[error("{} has {bytes} marks for {tasks} tasks: it is not this campaign's; remove it, and the next run makes it from the results", file.shown())]
     Marks { file: PathBuf, bytes: usize, tasks: usize },
-    #[error("the results cannot be written to {}: {source}. What was finished before is kept: make room, and run the same command again", path.shown())]
+    #[error("the results cannot be written to {}. What was finished before is kept: make room, and run the same command again", path.shown())]
     Unwritten { path: PathBuf, source: io::Error },
     #[error("{}: the name is no text in UTF-8, so no job can name it: rename it", .0.shown())]
     Name(PathBuf),
-    #[error("the marks of the tasks cannot be used: {source}")]
+    #[error("the marks of the tasks cannot be used")]
     Claim { source: io::Error },
-    #[error("the program cannot start itself as {}: {source}", program.shown())]
+    #[error("the program cannot start itself as {}", program.shown())]
     NoChild { program: PathBuf, source: io::Error },
 }
 

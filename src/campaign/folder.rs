@@ -123,16 +123,28 @@ impl Folder {
         Ok(found)
     }
 
-    /// The marks of its tasks; a file that is missing is made from the results.
+    /// The marks of its tasks, to work on them; a file that is missing is made from the results.
     ///
     /// # Errors
     /// Marks of another campaign, files that cannot be read or written.
     pub fn marks(&self) -> Result<Marks> {
+        self.open_marks(true)
+    }
+
+    /// The same, to look at: of a folder that belongs to somebody else, too.
+    ///
+    /// # Errors
+    /// As [`Folder::marks`].
+    pub fn marks_to_read(&self) -> Result<Marks> {
+        self.open_marks(false)
+    }
+
+    fn open_marks(&self, write: bool) -> Result<Marks> {
         let path = self.place("marks");
         if !path.exists() {
             marks::write(&path, &self.marks_of_results()?)?;
         }
-        Marks::open(&path, self.count()?)
+        Marks::open(&path, self.count()?, write)
     }
 
     fn marks_of_results(&self) -> Result<Vec<Mark>> {

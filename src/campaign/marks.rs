@@ -70,12 +70,12 @@ pub fn write(path: &Path, marks: &[Mark]) -> Result<()> {
 }
 
 impl Marks {
-    /// Opens the marks of so many tasks.
+    /// Opens the marks of so many tasks, to claim and set them where `write` says so.
     ///
     /// # Errors
     /// A file that cannot be opened, or that is of other tasks.
-    pub fn open(path: &Path, tasks: usize) -> Result<Marks> {
-        let file = OpenOptions::new().read(true).write(true).open(path).map_err(CampaignError::io("open", path))?;
+    pub fn open(path: &Path, tasks: usize, write: bool) -> Result<Marks> {
+        let file = OpenOptions::new().read(true).write(write).open(path).map_err(CampaignError::io("open", path))?;
         let bytes = file.metadata().map_err(CampaignError::io("read", path))?.len() as usize;
         if bytes != tasks {
             return Err(CampaignError::Marks { file: path.to_owned(), bytes, tasks });
@@ -253,7 +253,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("marks");
         write(&path, &[Mark::Missing, Mark::Failed, Mark::Missing]).unwrap();
-        let marks = Marks::open(&path, 3).unwrap();
+        let marks = Marks::open(&path, 3, true).unwrap();
         assert_eq!(marks.claim(1, Mark::Missing).unwrap(), Claim::Finished);
         assert_eq!(marks.claim(1, Mark::Failed).unwrap(), Claim::Ours);
         marks.set(1, Mark::Missing).unwrap();
@@ -261,6 +261,6 @@ mod tests {
         marks.set(2, Mark::Done).unwrap();
         assert_eq!(marks.all().unwrap(), [Mark::Missing, Mark::Missing, Mark::Done]);
         assert_eq!(marks.claim(2, Mark::Missing).unwrap(), Claim::Finished);
-        assert!(matches!(Marks::open(&path, 4), Err(CampaignError::Marks { bytes: 3, tasks: 4, .. })));
+        assert!(matches!(Marks::open(&path, 4, true), Err(CampaignError::Marks { bytes: 3, tasks: 4, .. })));
     }
 }

@@ -119,12 +119,16 @@ fn holds(fit: &FitOptions) -> Vec<Hold> {
     fit.hold.iter().map(|(name, &[lower, upper])| Hold { name: name.clone(), lower, upper }).collect()
 }
 
-fn settings(set: &BTreeMap<String, f64>) -> Vec<(String, f64)> {
+/// A closure on a rig, with these settings.
+///
+/// # Errors
+/// A setting that the model does not have, or a value that it cannot take.
+pub fn scenario(rig: Rig, effects: &[Chosen], set: &BTreeMap<String, f64>) -> Result<Scenario, AnyError> {
     let mut settings: Vec<(String, f64)> = set.iter().map(|(name, value)| (name.clone(), *value)).collect();
     if !set.contains_key("reaches") {
         settings.push(("reaches".to_owned(), REACHES));
     }
-    settings
+    Scenario::new(rig, effects, ValveForm::Linear, &settings)
 }
 
 fn subject<'a>(scenario: &'a Scenario, sensor: &'a Sensor) -> Subject<'a> {
@@ -139,7 +143,7 @@ fn subject<'a>(scenario: &'a Scenario, sensor: &'a Sensor) -> Subject<'a> {
 
 /// Features of the head at each pressure sensor.
 fn simulated(rig: Rig, effects: &[Chosen], set: &BTreeMap<String, f64>) -> Result<Value, AnyError> {
-    let scenario = Scenario::new(rig, effects, ValveForm::Linear, &settings(set))?;
+    let scenario = scenario(rig, effects, set)?;
     let mut sensors = Map::new();
     for (_, sensor) in scenario.rig.pressure_sensors() {
         let subject = subject(&scenario, sensor);
@@ -156,7 +160,7 @@ fn designed(rig: Rig, effects: &[Chosen], work: &Work) -> Result<Value, AnyError
     let Work::Sensitivity { method, seed, set, range, only, within, sensor: named, size } = work else {
         return Err("this is no sensitivity study".into());
     };
-    let scenario = Scenario::new(rig, effects, ValveForm::Linear, &settings(set))?;
+    let scenario = scenario(rig, effects, set)?;
     let subject = subject(&scenario, sensor(&scenario.rig, named.as_deref())?);
     let ranges: Vec<Range> = range.iter().map(|(name, &[low, high])| Range { name: name.clone(), low, high }).collect();
     let factors = subject.factors(within.map_or(Reach::Bounds, Reach::Factor), &ranges, only)?;

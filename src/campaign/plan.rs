@@ -8,13 +8,15 @@ use std::path::{Path, PathBuf};
 use toml::Spanned;
 
 use crate::campaign::checksum::checksum;
-use crate::campaign::error::{CampaignError, Result};
+use crate::campaign::error::{CampaignError, Result, sentence};
 use crate::campaign::folder::Folder;
 use crate::campaign::marks::{self, Mark};
+use crate::campaign::perform::scenario;
 use crate::campaign::plan_file::{Kind, PlanFile, Source, Values, methods_of_fits};
 use crate::campaign::task::{FitOptions, Input, Task, Work};
 use crate::fit::problem::method::Method;
 use crate::model::effects::{CATALOGUE, Chosen};
+use crate::rig::Rig;
 use crate::shown::Shown as _;
 use crate::storage::nearest::nearest;
 use crate::storage::output;
@@ -64,7 +66,7 @@ pub fn plan(file: &Path, root: &Path, copy: bool) -> Result<Planned> {
     if was_there {
         let old = fs::read(folder.tasks_file()).map_err(CampaignError::io("read", &folder.tasks_file()))?;
         if old != text.as_bytes() {
-            let finished = folder.marks()?.all().map_err(CampaignError::io("read", &folder.place("marks")))?;
+            let finished = folder.marks_to_read()?.all().map_err(CampaignError::io("read", &folder.place("marks")))?;
             let finished = finished.iter().filter(|mark| **mark != Mark::Missing).count();
             return Err(CampaignError::OtherPlan { folder: root.to_owned(), tasks: folder.count()?, finished });
         }
@@ -240,15 +242,15 @@ impl Planner<'_> {
         Ok(groups)
     }
 
-    /// An effect of the catalogue, or `nothing`.
+    /// An effect of the catalogue, `nothing`, or `unknown` for one that is not in it.
     fn truth(&self, written: &Spanned<String>) -> Result<String> {
         let name = written.get_ref().as_str();
-        let known = CATALOGUE.iter().map(|effect| effect.name()).chain(["nothing"]);
+        let known = CATALOGUE.iter().map(|effect| effect.name()).chain(["nothing", "unknown"]);
         if known.clone().any(|k| k == name) {
             return Ok(name.to_owned());
         }
         let hint = nearest(name, known).map(|near| format!("; did you mean '{near}'?")).unwrap_or_default();
-        let message = format!("truth is an effect of the catalogue or \"nothing\", not \"{name}\"{hint}");
+        let message = format!("truth is an effect of the catalogue, \"nothing\", or \"unknown\", not \"{name}\"{hint}");
         Err(self.source.fault(written.span(), message))
     }
 
@@ -332,6 +334,7 @@ impl Planner<'_> {
         }
         for rig in &rigs {
             for effects in &models {
+                let mut checked = false;
                 for set in &grid {
                     for seed in seeds.iter().flatten() {
                         let mut random = fastrand::Rng::with_seed(*seed);
@@ -339,6 +342,10 @@ impl Planner<'_> {
                         set.extend(
                             range.iter().map(|(name, [low, high])| (name.clone(), low + (high - low) * random.f64())),
                         );
+                        if !checked {
+                            self.settable(rig, effects, &set)?;
+                            checked = true;
+                        }
                         self.add(&rig.name, Vec::new(), Some(rig.clone()), effects, Work::Simulate { set })?;
                     }
                 }
@@ -371,6 +378,7 @@ impl Planner<'_> {
         }
         for rig in &rigs {
             for effects in &models {
+                self.settable(rig, effects, &set)?;
                 for &method in &methods {
                     for &seed in seeds.iter().flatten() {
                         let work = Work::Sensitivity {
@@ -389,6 +397,13 @@ impl Planner<'_> {
             }
         }
         Ok(())
+    }
+
+    /// Whether the model of a rig has these settings: a slip would fail all its tasks.
+    fn settable(&self, rig: &Input, effects: &[Chosen], set: &BTreeMap<String, f64>) -> Result<()> {
+        let fault = |e: &dyn std::error::Error| self.source.lacks(format!("{}: {}", rig.name, sentence(e)));
+        let loaded = Rig::load(&rig.path).map_err(|e| fault(&e))?;
+        scenario(loaded, effects, set).map(drop).map_err(|e| fault(e.as_ref()))
     }
 
     fn add(

@@ -227,7 +227,7 @@ impl Source {
         let written = table.get("kind").and_then(|kind| Some((kind.get_ref().as_str()?, kind.span())));
         let Some((name, place)) = written else {
             let kinds = KINDS.map(|(name, _)| name).join(", ");
-            return Err(self.lacks(format!("missing key 'kind': write kind = \"calibrate\"; known are {kinds}")));
+            return Err(self.lacks(format!("no kind of campaign: write kind = \"calibrate\"; known are {kinds}")));
         };
         let Some((_, kind)) = KINDS.into_iter().find(|(known, _)| *known == name) else {
             let message = format!("unknown kind \"{name}\"; {}", hint(name, &KINDS.map(|(name, _)| name)));
@@ -248,7 +248,8 @@ impl Source {
     }
 
     fn toml(&self, error: &toml::de::Error) -> CampaignError {
-        let message = error.message().to_owned();
+        // the parser's words for a list are those of its source
+        let message = error.message().replace("expected a sequence", "expected a list, in brackets: [\"…\"]");
         error.span().map_or_else(|| self.lacks(message.clone()), |place| self.fault(place, message.clone()))
     }
 
@@ -322,8 +323,8 @@ mod tests {
 
     #[test]
     fn a_slip_is_named_with_its_line_and_the_nearest_name() {
-        let cases: [(&str, &[&str]); 8] = [
-            ("recordings = []", &["missing key 'kind'", "calibrate"]),
+        let cases: [(&str, &[&str]); 9] = [
+            ("recordings = []", &["no kind of campaign", "calibrate"]),
             ("kind = \"callibrate\"", &["plan.toml:1", "did you mean 'calibrate'"]),
             ("kind = \"diagnose\"\n\neffect = []", &["plan.toml:3", "unknown key 'effect'", "did you mean 'effects'"]),
             (
@@ -333,6 +334,7 @@ mod tests {
             ("kind = \"calibrate\"\nbudget = 3", &["plan.toml:2", "'budget' belongs in the table [options]"]),
             ("kind = \"calibrate\"\n[options]\nmost_reachs = 3", &["plan.toml:3", "did you mean 'most_reaches'"]),
             ("kind = \"calibrate\"\nstarts = \"3\"", &["plan.toml:2"]),
+            ("kind = \"calibrate\"\nrecordings = \"a.mcap\"", &["plan.toml:2", "expected a list, in brackets"]),
             (
                 "kind = \"calibrate\"\n[[case]]\nrecordings = []\ntruth = \"leak\"",
                 &["plan.toml:4", "is for kind = \"reliability\""],

@@ -57,7 +57,7 @@ const FILES: usize = 32;
 /// Files that cannot be read.
 pub fn status(folder: &Folder) -> Result<Status> {
     let place = folder.place("marks");
-    let marks = folder.marks()?;
+    let marks = folder.marks_to_read()?;
     let at_work = marks.at_work().map_err(CampaignError::io("read the locks of", &place))?;
     let all = marks.all().map_err(CampaignError::io("read", &place))?;
     let count = |mark| all.iter().filter(|m| **m == mark).count();

@@ -67,7 +67,7 @@ pub enum Work {
     },
     /// A diagnosis whose answer is known.
     Reliability {
-        /// The effect that is hidden in the recordings, or `nothing`.
+        /// The effect that is hidden in the recordings, `nothing`, or `unknown` for one that is not in the catalogue.
         truth: String,
         /// Seed of its random draws; none where it draws nothing.
         #[serde(default, skip_serializing_if = "Option::is_none")]

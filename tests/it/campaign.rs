@@ -112,6 +112,9 @@ fn a_slip_of_a_plan_is_refused_with_its_line() {
     study.refusal(&FITS.replace("starts", "start"), &["refused.toml:4", "did you mean 'starts'"]);
     study.refusal(&FITS.replace("most_reaches", "most_reach"), &["refused.toml:6", "did you mean 'most_reaches'"]);
     study.refusal(&FITS.replace("unsteady-friction", "unsteady-fiction"), &["refused.toml:3", "unsteady-friction"]);
+    let rig = here("rigs/demo-hdpe.toml");
+    let simulations = format!("kind = \"simulate\"\nrigs = [{rig:?}]\n[set]\nwave_sped = 300.0\n");
+    study.refusal(&simulations, &["demo-hdpe.toml", "did you mean 'wave_speed_m_s'"]);
     refused(&["campaign", "run", text(study.place.path())], &["no folder of a campaign", "campaign plan"]);
 }
 
@@ -167,6 +170,45 @@ fn a_task_over_its_time_limit_fails_with_the_reason() {
     let (code, said) = status(&folder);
     assert_eq!((code, counts(&said)), (1, [0, tasks, 0]));
     assert!(said["failures"][0]["reason"].as_str().unwrap().contains("time limit of 0.001 s"), "{said}");
+}
+
+#[test]
+fn status_only_looks() {
+    let study = Study::new(FITS, &[NOTHING]);
+    let (folder, tasks) = study.planned("campaign");
+    let marks = folder.join("marks");
+    let mut rights = fs::metadata(&marks).unwrap().permissions();
+    rights.set_readonly(true);
+    fs::set_permissions(&marks, rights).unwrap();
+    let before = fs::metadata(&marks).unwrap().modified().unwrap();
+    assert_eq!(counts(&status(&folder).1), [0, 0, tasks]);
+    assert_eq!(fs::metadata(&marks).unwrap().modified().unwrap(), before);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_task_whose_process_is_killed_fails_and_the_rest_goes_on() {
+    let study = Study::new(&FITS.replace("starts = 2", "starts = 4"), &[NOTHING]);
+    let (folder, tasks) = study.planned("campaign");
+    let mut running = runner(&folder, &["--threads", "1"]).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let began = Instant::now();
+    let threads = format!("/proc/{}/task", running.id());
+    let mut killed = false;
+    while !killed {
+        assert!(began.elapsed() < Duration::from_secs(60), "no process of a task");
+        // a thread starts it, so it is among the children of all threads
+        let all = fs::read_dir(&threads)
+            .unwrap()
+            .filter_map(|thread| fs::read_to_string(thread.unwrap().path().join("children")).ok());
+        if let Some(child) = all.collect::<String>().split_whitespace().next() {
+            sleep(Duration::from_millis(200));
+            killed = Command::new("kill").args(["-KILL", child]).status().unwrap().success();
+        }
+    }
+    assert!(running.wait().unwrap().success());
+    let (_, said) = status(&folder);
+    assert_eq!(counts(&said), [tasks - 1, 1, 0], "{said}");
+    assert!(said["failures"][0]["reason"].as_str().unwrap().contains("SIGKILL"), "{said}");
 }
 
 #[test]
