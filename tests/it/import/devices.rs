@@ -128,6 +128,20 @@ fn oscilloscopes_state_when_and_give_volts() {
     assert!((track.series.time_s[7] - track.series.time_s[0] - 0.007).abs() < 1e-9, "{:?}", track.series.time_s);
 }
 
+/// LabVIEW, channels that were started one after the other: each `Time` is its own channel's.
+#[test]
+fn channels_of_labview_with_starts_of_their_own_stand_apart_by_them() {
+    let head = "LabVIEW Measurement\t\nSeparator\tTab\nDecimal_Separator\t.\nX_Columns\tMulti\n***End_of_Header***\t\n\t\n\
+                Channels\t2\t\t\t\nDate\t2026/03/14\t\t2026/03/14\t\nTime\t09:26:53.25\t\t09:26:53.253\t\n\
+                Y_Unit_Label\tbar\t\tbar\t\nDelta_X\t0.001\t\t0.001\t\n***End_of_Header***\t\t\t\t\n\
+                X_Value\tValve\tX_Value\tMiddle\tComment\n";
+    let row = |i: usize, p: f64| format!("{:.3}\t{p:.4}\t{:.3}\t{p:.4}\t", 1e-3 * i as f64, 1e-3 * i as f64);
+    let file = read(&table(head, row), &guessing()).unwrap();
+    let first_s = |track: usize| file.tracks[track].series.time_s[0];
+    assert!((first_s(1) - first_s(0) - 0.003).abs() < 1e-9, "{} and {} s", first_s(0), first_s(1));
+    assert_eq!(file.start.unwrap().unix_ns, START_NS);
+}
+
 #[test]
 fn clocks_in_several_columns_and_of_two_devices() {
     let started = |name: &str, text: &str| {

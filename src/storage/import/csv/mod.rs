@@ -161,6 +161,7 @@ fn table(
     let mut tracks: Vec<(usize, Track)> = Vec::new();
     let mut start: Option<Start> = None;
     let many = timed.len() > 1;
+    let stated = if many { layout.settings.own_starts(layout.columns.len(), &values, options) } else { Vec::new() };
     for Timed { mut clock, mut table, timeless, values, grouped } in timed {
         repairs.extend(grouped.iter().flatten().flat_map(Numbers::repairs));
         if table.time_s.is_empty() {
@@ -174,7 +175,15 @@ fn table(
         }
         let mut holes = put_in_order(&mut table, &mut repairs, clock.is_local())?;
         timeless.add_gaps(&table.time_s, &mut holes);
-        let own = clock.start(first_s);
+        let stated =
+            || stated.iter().find(|(column, ..)| values.contains(column)).map(|(_, start, said)| (*start, said));
+        let own = clock.start(first_s).or_else(|| {
+            let (own, said) = stated()?;
+            if start.is_none() {
+                repairs.push(said.clone());
+            }
+            Some(own)
+        });
         // two clocks of one file whose starts differ stand apart by that
         let late_s = match (own, start) {
             (Some(own), Some(first)) if many => (i128::from(own.unix_ns) - i128::from(first.unix_ns)) as f64 * 1e-9,

@@ -257,16 +257,52 @@ impl Settings {
                 .find_map(|text| Stamp::parse(&text, order).filter(|s| s.has_date && s.has_time).map(|s| (s, text)))
         };
         let in_two = || {
-            let cell = |key: &str| self.all.iter().rev().find(|s| s.key == key).and_then(|s| s.cells.first());
-            let text = format!("{} {}", cell("date")?, cell("time")?);
-            Stamp::parse(&text, options.order()).filter(|s| s.has_date && s.has_time).map(|s| (s, text))
+            let cell = |key: &str| self.last(key).and_then(|s| s.cells.first());
+            in_two_lines(cell("date")?, cell("time")?, options)
         };
-        let (stamp, text) = self.all.iter().rev().filter(named).find_map(whole).or_else(in_two)?;
-        let ns = u64::try_from(stamp.unix_ns(options.zone_s.unwrap_or(0))).ok()?;
-        let zone = if stamp.zone_s.is_some() || options.zone_s.is_some() { "" } else { ", taken as UTC" };
-        let text = format!("time 0 is the start that the file gives, {text}{zone}");
-        Some((Start { unix_ns: ns, digit_s: stamp.digit_s }, Repair::new(START, 1, None, text)))
+        start_at(self.all.iter().rev().filter(named).find_map(whole).or_else(in_two)?, options)
     }
+
+    /// The start of each of several columns of values, where the lines of date and time give each its own and they differ, as LabVIEW writes channels
+    /// that were started one after the other.
+    pub(crate) fn own_starts(
+        &self,
+        width: usize,
+        values: &[usize],
+        options: &SourceOptions,
+    ) -> Vec<(usize, Start, Repair)> {
+        let (Some(dates), Some(times)) = (self.last("date"), self.last("time")) else { return Vec::new() };
+        let times = times.by_column(width, values);
+        if times.iter().all(|(_, time)| *time == times[0].1) {
+            return Vec::new();
+        }
+        let dates = dates.by_column(width, values);
+        let of = |(column, time): (usize, String)| {
+            let (_, date) = dates.iter().find(|(i, _)| *i == column)?;
+            let (start, said) = start_at(in_two_lines(date, &time, options)?, options)?;
+            Some((column, start, said))
+        };
+        times.into_iter().filter_map(of).collect()
+    }
+
+    /// The last line of a key.
+    fn last(&self, key: &str) -> Option<&Setting> {
+        self.all.iter().rev().find(|s| s.key == key)
+    }
+}
+
+/// A date in one line and the time of day in another.
+fn in_two_lines(date: &str, time: &str, options: &SourceOptions) -> Option<(Stamp, String)> {
+    let text = format!("{date} {time}");
+    Stamp::parse(&text, options.order()).filter(|s| s.has_date && s.has_time).map(|s| (s, text))
+}
+
+/// Time 0 at a date-time, and the remark on it.
+fn start_at((stamp, text): (Stamp, String), options: &SourceOptions) -> Option<(Start, Repair)> {
+    let ns = u64::try_from(stamp.unix_ns(options.zone_s.unwrap_or(0))).ok()?;
+    let zone = if stamp.zone_s.is_some() || options.zone_s.is_some() { "" } else { ", taken as UTC" };
+    let text = format!("time 0 is the start that the file gives, {text}{zone}");
+    Some((Start { unix_ns: ns, digit_s: stamp.digit_s }, Repair::new(START, 1, None, text)))
 }
 
 /// Steps of the records of a test, s.
@@ -382,6 +418,12 @@ mod tests {
         let labview = ["Date,2026/03/14", "Time,09:26:40.0352557312", "Date,2026/03/14", "Time,09:26:53.25"];
         assert_eq!(of(&labview), Some(1_773_480_413_250_000_000));
         assert_eq!(of(&["Date,2026/03/14"]), None);
+        let apart = settings(&["Date,2026/03/14,,2026/03/14", "Time,09:26:53.25,,09:26:53.253"]);
+        let own = apart.own_starts(4, &[1, 3], &SourceOptions::default());
+        let own: Vec<(usize, u64)> = own.iter().map(|(column, start, _)| (*column, start.unix_ns)).collect();
+        assert_eq!(own, [(1, 1_773_480_413_250_000_000), (3, 1_773_480_413_253_000_000)]);
+        let together = settings(&["Date,2026/03/14,,2026/03/14", "Time,09:26:53.25,,09:26:53.25"]);
+        assert!(together.own_starts(4, &[1, 3], &SourceOptions::default()).is_empty());
         assert_eq!(of(&["Serial,2026-03-14T09:26:53Z"]), None);
     }
 }
