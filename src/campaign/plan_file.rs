@@ -248,8 +248,12 @@ impl Source {
     }
 
     fn toml(&self, error: &toml::de::Error) -> CampaignError {
-        // the parser's words for a list are those of its source
-        let message = error.message().replace("expected a sequence", "expected a list, in brackets: [\"…\"]");
+        // the parser speaks of types of its source
+        let message = error
+            .message()
+            .replace("expected a sequence", "expected a list, in brackets: [\"…\"]")
+            .replace("expected u32", "expected a whole number from 0 to 4294967295")
+            .replace("expected usize", "expected a whole number, 0 or more");
         error.span().map_or_else(|| self.lacks(message.clone()), |place| self.fault(place, message.clone()))
     }
 
@@ -323,7 +327,7 @@ mod tests {
 
     #[test]
     fn a_slip_is_named_with_its_line_and_the_nearest_name() {
-        let cases: [(&str, &[&str]); 9] = [
+        let cases: [(&str, &[&str]); 10] = [
             ("recordings = []", &["no kind of campaign", "calibrate"]),
             ("kind = \"callibrate\"", &["plan.toml:1", "did you mean 'calibrate'"]),
             ("kind = \"diagnose\"\n\neffect = []", &["plan.toml:3", "unknown key 'effect'", "did you mean 'effects'"]),
@@ -333,7 +337,8 @@ mod tests {
             ),
             ("kind = \"calibrate\"\nbudget = 3", &["plan.toml:2", "'budget' belongs in the table [options]"]),
             ("kind = \"calibrate\"\n[options]\nmost_reachs = 3", &["plan.toml:3", "did you mean 'most_reaches'"]),
-            ("kind = \"calibrate\"\nstarts = \"3\"", &["plan.toml:2"]),
+            ("kind = \"calibrate\"\nstarts = \"3\"", &["plan.toml:2", "expected a whole number from 0"]),
+            ("kind = \"calibrate\"\n[options]\nrandom_starts = -1", &["plan.toml:3", "a whole number, 0 or more"]),
             ("kind = \"calibrate\"\nrecordings = \"a.mcap\"", &["plan.toml:2", "expected a list, in brackets"]),
             (
                 "kind = \"calibrate\"\n[[case]]\nrecordings = []\ntruth = \"leak\"",

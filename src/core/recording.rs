@@ -15,7 +15,7 @@ pub struct Recording {
 
 /// A rig that cannot replace the recording's own.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error("the rig '{rig}' has no sensor named '{sensor}', which the recording has samples of; its sensors are {known}")]
+#[error("the rig '{rig}' has no sensor named '{sensor}'; its sensors are {known}")]
 pub struct RigMismatch {
     /// The rig's name.
     pub rig: String,

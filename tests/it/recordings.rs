@@ -187,7 +187,7 @@ fn times_that_run_backwards_are_refused_and_the_mean_of_those_that_repeat_is_sai
     let words = ["back.csv:5", "0.0007 does not come after 0.0010 of line 4", "sort the file"];
     bench.refuses("import back.csv --rig rig.toml -o x.mcap", &words);
     bench.put("twice.csv", CSV.replace("0.0015", "0.0010"));
-    let (_, err) = bench.expect(3, "import twice.csv --rig rig.toml -o twice.mcap");
+    let (_, err) = bench.expect(0, "import twice.csv --rig rig.toml -o twice.mcap");
     assert!(
         err.contains("twice.csv:5: 1 time occurs more than once with different values: the mean was taken"),
         "{err}"

@@ -177,7 +177,7 @@ fn join_repeats(table: &mut Table, repairs: &mut Vec<Repair>) -> Result<(), CsvF
             "{} more than once with different values: the mean was taken; they differ by up to {most:.4}",
             counted(differing, "time occurs", "times occur")
         );
-        repairs.push(Repair { lost: true, ..Repair::new("contradicting-times", differing, differing_line, text) });
+        repairs.push(Repair::new("contradicting-times", differing, differing_line, text));
     }
     Ok(())
 }
