@@ -40,18 +40,21 @@ def _(creeping, elastic, plt):
                 2, 1, sharex=True, figsize=(3.54, 3.2), height_ratios=[2, 1], constrained_layout=True
             )
             first, last = elastic.runs[0].sensors["P1"], creeping.runs[0].sensors["P1"]
-            top.plot(first.time_s, first.measured_m, color="0.65", lw=2.5, label="measured")
-            top.plot(first.time_s, first.model_m, color="C1", lw=0.8, ls="--", label=f"elastic, RMSE {first.rmse_m:.2f} m")
+            # times count from the start of the closure, which each fit finds for itself: both on the clock of the second
+            starts = [fit.parameters["closure_start_s"].value for fit in (elastic, creeping)]
+            first_time_s = first.time_s + (starts[0] - starts[1])
+            top.plot(last.time_s, last.measured_m, color="0.65", lw=2.5, label="measured")
+            top.plot(first_time_s, first.model_m, color="C1", lw=0.8, ls="--", label=f"elastic, RMSE {first.rmse_m:.2f} m")
             top.plot(last.time_s, last.model_m, color="C0", lw=0.8, label=f"creeping wall, RMSE {last.rmse_m:.2f} m")
             low, high = top.get_ylim()
             top.set_ylim(low, high + 0.45 * (high - low))
             top.legend(frameon=False, loc="upper right", handlelength=1.8)
             top.set_ylabel("head $H$ (m)")
-            below.plot(first.time_s, first.model_m - first.measured_m, color="C1", lw=0.6)
+            below.plot(first_time_s, first.model_m - first.measured_m, color="C1", lw=0.6)
             below.plot(last.time_s, last.model_m - last.measured_m, color="C0", lw=0.6)
-            below.set_ylabel("model − measured (m)")
+            below.set_ylabel("residual (m)")
             below.set_xlabel("time since the closure starts (s)")
-            below.set_xlim(0, float(first.time_s[-1]))
+            below.set_xlim(0, float(last.time_s[-1]))
             for axes, letter in [(top, "a"), (below, "b")]:
                 axes.tick_params(top=True, right=True, width=0.6)
                 axes.text(0.02, 0.95, f"({letter})", transform=axes.transAxes, va="top")

@@ -60,3 +60,7 @@ def test_the_figure_shows_the_error_falling(tmp_path: Path) -> None:
     assert len(top.lines) == 3 and len(below.lines) == 2
     elastic, creeping = (np.std(line.get_ydata()) for line in below.lines)
     assert creeping < 0.05 * elastic
+    # one clock: what the model leaves between the curves of the upper panel is what the lower one shows
+    measured, _, model = top.lines
+    assert np.array_equal(measured.get_xdata(), model.get_xdata())
+    assert np.array_equal(model.get_ydata() - measured.get_ydata(), below.lines[1].get_ydata())
