@@ -1,4 +1,4 @@
-"""Other processes: dask's cluster maps over the package as over any function."""
+"""Other processes: dask and joblib map over the package as over any function."""
 
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
@@ -32,6 +32,15 @@ def test_dask_maps_over_studies_fits_and_rigs(study: ss.Study) -> None:
     assert [p.value for p in fits[1].parameters.values()] == [p.value for p in here[1].parameters.values()]
     assert verdict == here[1].diagnose().verdict
     assert heads == [simulated(rig, speed) for speed in (300.0, 350.0, 400.0)]
+
+
+def test_joblib_maps_over_studies(study: ss.Study) -> None:
+    from joblib import Parallel, delayed
+
+    models = ["none", "viscoelastic-wall:1"]
+    fits = Parallel(n_jobs=2)(delayed(fitted)(study, model) for model in models)
+    here = [fitted(study, model) for model in models]
+    assert [[p.value for p in fit.parameters.values()] for fit in fits] == [[p.value for p in fit.parameters.values()] for fit in here]
 
 
 def test_spawned_and_forked_processes_work(study: ss.Study) -> None:
