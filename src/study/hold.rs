@@ -2,7 +2,6 @@
 
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
-use crate::fit::problem::fit_problem::{FitProblem, Window};
 use crate::fit::problem::parameters;
 use crate::fit::search::options::Options;
 use crate::model::Model;
@@ -94,8 +93,7 @@ pub fn beyond(rig: &Rig, runs: &[RunData], effects: &[Chosen], values: &[(String
     let most = |c: &Chosen| c.most_elements().map_or_else(|| c.clone(), |n| c.with_elements(n));
     let effects: Vec<Chosen> = effects.iter().map(most).collect();
     let model = Model::new(rig, &run.conditions.water, &effects);
-    let window = Window { reaches: 1, horizon_s: f64::INFINITY, stride: 1 };
-    let known = FitProblem::new(&model, runs, window).parameters;
+    let (known, _) = parameters::of(&model, runs);
     let outside = |(name, value): &(String, f64)| {
         let outside = |p: &&Parameter| p.name == *name && !(p.lower..=p.upper).contains(value);
         let p = known.iter().find(outside)?;
@@ -113,6 +111,9 @@ pub fn settle(
     runs: &[RunData],
     effects: &[Chosen],
 ) -> Vec<String> {
+    if runs.is_empty() {
+        return Vec::new();
+    }
     let shared = shared_names(rig, runs, effects);
     let has = |c: &Constraint| match &c.run {
         Some(file) => runs.iter().any(|run| run.file == *file),

@@ -326,20 +326,21 @@ impl<'a> Scene<'a> {
         let station = &self.stations[i];
         let front = station.front.as_ref().ok()?;
         let steady = |s: &Station, f: &Front| f.base_m - self.rig.sensor_elevation_m(&self.rig.sensors[s.sensor]);
-        let all: Vec<(f64, f64)> = self.others(i).map(|(s, f)| (f.height_m(), steady(s, f))).collect();
-        if all.is_empty() {
+        let others: Vec<(&Station, &Front)> = self.others(i).collect();
+        if others.is_empty() {
             return None;
         }
-        let median =
-            |pick: fn(&(f64, f64)) -> f64| crate::robust::median(&mut all.iter().map(pick).collect::<Vec<_>>());
-        let by_front = front.height_m() / median(|a| a.0);
-        let by_level = steady(station, front) / median(|a| a.1);
+        let median = |of: &dyn Fn(&Station, &Front) -> f64| {
+            crate::robust::median(&mut others.iter().map(|(s, f)| of(s, f)).collect::<Vec<_>>())
+        };
+        let by_front = front.height_m() / median(&|_, f| f.height_m());
+        let by_level = steady(station, front) / median(&steady);
         let away =
             by_front > 0.0 && by_front.ln().abs() > OTHER_UNIT.ln() && (0.4..2.5).contains(&(by_level / by_front));
         if !away {
             return None;
         }
-        let [(other, other_front)] = self.others(i).collect::<Vec<_>>()[..] else {
+        let [(other, other_front)] = others[..] else {
             let says = format!(
                 "its steady pressure is {} times and its first front {} times that of the others",
                 significant(by_level, 2),

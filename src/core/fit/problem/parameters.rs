@@ -7,7 +7,7 @@ use crate::model::parameter::Parameter;
 use crate::rig::{Rig, Sensor};
 
 /// All variables, and the index of each run's first.
-pub(crate) fn of(model: &Model, runs: &[RunData]) -> (Vec<Parameter>, Vec<usize>) {
+pub fn of(model: &Model, runs: &[RunData]) -> (Vec<Parameter>, Vec<usize>) {
     let period_s = model.period_s(&model.shared.iter().map(|p| p.start).collect::<Vec<_>>());
     let mut parameters = model.shared.clone();
     let ratios: Vec<f64> = runs.iter().filter_map(|r| r.start.wave_speed_ratio).collect();

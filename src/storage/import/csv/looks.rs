@@ -8,6 +8,7 @@ use crate::storage::import::csv::stamp::Stamp;
 
 /// Steps of an even column differ from their median by less than this share of it, in nineteen of twenty.
 pub(crate) const EVEN: f64 = 0.1;
+
 /// What a column looks like.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Looks {
@@ -100,7 +101,7 @@ pub(crate) fn median_step(values: &[f64]) -> Option<f64> {
 }
 
 /// Steps of one size, all but a few.
-pub(crate) fn is_even(values: &[f64]) -> bool {
+fn is_even(values: &[f64]) -> bool {
     let mut steps: Vec<f64> = values.windows(2).map(|w| w[1] - w[0]).collect();
     if steps.len() < 2 || steps.iter().filter(|s| **s < 0.0).count() > steps.len() / 20 {
         return false;

@@ -175,14 +175,12 @@ fn table(
         }
         let mut holes = put_in_order(&mut table, &mut repairs, clock.is_local())?;
         timeless.add_gaps(&table.time_s, &mut holes);
-        let stated =
-            || stated.iter().find(|(column, ..)| values.contains(column)).map(|(_, start, said)| (*start, said));
         let own = clock.start(first_s).or_else(|| {
-            let (own, said) = stated()?;
+            let (_, own, said) = stated.iter().find(|(column, ..)| values.contains(column))?;
             if start.is_none() {
                 repairs.push(said.clone());
             }
-            Some(own)
+            Some(*own)
         });
         // two clocks of one file whose starts differ stand apart by that
         let late_s = match (own, start) {
