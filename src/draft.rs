@@ -13,7 +13,7 @@ use crate::rig::draft::{Draft, DraftSensor, Told};
 use crate::rig::{Rig, SensorKind, quantity_of};
 use crate::robust::median;
 use crate::signal::doubts::doubts;
-use crate::signal::faults::{in_words, sensor_faults};
+use crate::signal::faults::{Fault, SensorFault, in_words, sensor_faults};
 use crate::signal::levels::temperature_degc;
 use crate::signal::window::used;
 use crate::signal::{Features, SensorFeatures, inspect};
@@ -101,9 +101,10 @@ pub fn meant(track: &Track, said: &Said) -> Option<(SensorKind, Option<Told<Unit
         let measures = |kind: &SensorKind| quantity_of(*kind) == told.value.quantity;
         Some((SensorKind::ALL.into_iter().find(measures)?, Some(told)))
     });
-    // only a pressure has a place to give
+    // only a pressure has a place to give, and it is what a sensor is of which no more is said than its name
     let is_placed = said.places.iter().any(|(name, _)| name == called || track.is_called(name));
-    let by_place = || is_placed.then_some((SensorKind::Pressure, None));
+    let is_mapped = source.map.iter().any(|(from, _)| track.is_called(from));
+    let pressure = |is: bool| is.then_some((SensorKind::Pressure, None));
     let known = kind_of(track).map(|(kind, unit)| (kind, unit.map(Told::given)));
     if let Some((_, kind)) = said.kinds.iter().find(|(name, _)| *name == track.name) {
         let unit = by_scale.or(known).filter(|(other, _)| quantity_of(*other) == quantity_of(*kind));
@@ -111,8 +112,9 @@ pub fn meant(track: &Track, said: &Said) -> Option<(SensorKind, Option<Told<Unit
     }
     let kind = by_scale
         .or(known.filter(|(_, unit)| unit.is_some()))
-        .or_else(by_place)
+        .or_else(|| pressure(is_placed))
         .or_else(|| Some((kind_of_name(called)?, None)))
+        .or_else(|| pressure(is_mapped))
         .or_else(|| Some((kind_of_numbers(&track.series.value)?, None)).filter(|_| nameless))
         .filter(|_| line.is_some() || !track.unit.as_deref().is_some_and(is_electric));
     kind.filter(|_| track.series.value.len() > 1 && !source.ignore.iter().any(|name| track.is_called(name)))
@@ -281,6 +283,26 @@ pub fn contradictions(
     let faults = sensor_faults(&recording);
     found.extend((!faults.is_empty()).then(|| in_words(&faults)));
     Ok(found)
+}
+
+/// What to give of sensors whose readings cannot be what the file says, and of which nobody said what they stand for.
+pub fn misread(rig: &Rig, file: &SourceFile, source: &SourceOptions) -> Option<String> {
+    let recording = recorded(rig, file, source, &mut Vec::new()).ok()?;
+    let is_said = |name: &str| {
+        let from = source.map.iter().find(|(_, to)| to == name).map(|(from, _)| from.as_str());
+        let track = file.tracks.iter().find(|track| track.is_called(from.unwrap_or(name)));
+        source.scales.iter().any(|(said, _)| said == name || track.is_some_and(|track| track.is_called(said)))
+    };
+    let is_strange = |fault: &SensorFault| matches!(fault.fault, Fault::Flat | Fault::Inverted | Fault::WrongUnit);
+    let mut faults = sensor_faults(&recording);
+    faults.retain(|fault| is_strange(fault) && !is_said(&fault.sensor));
+    let first = &faults.first()?.sensor;
+    let unit = rig.sensors.iter().find(|s| s.name == *first)?.unit.symbol;
+    let told: Vec<String> = faults.iter().map(|f| format!("sensor {} is {}: {}", f.sensor, f.fault.words(), f.says)).collect();
+    Some(format!(
+        "{}. Leave out what is no sensor of the pipe with option `ignore '{first}'`; say what its numbers stand for with option `scale '{first}=FACTOR*x {unit}'` and its number; or keep them as they are with option `scale '{first}={unit}'`",
+        told.join("; ")
+    ))
 }
 
 /// The features of the file, the period that of the sensor that the front reaches first. A record without a steady beginning has no first front: the

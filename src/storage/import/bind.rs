@@ -278,7 +278,7 @@ fn converted(
             let kind = sensor.kind.name();
             let name = &track.short;
             // the ranges of a transducer, or what a number stands for
-            let line = if is_electric(&text) { "1..5 -> 0..10" } else { "0.01*x" };
+            let line = if is_electric(&text) { "1..5 -> 0..10" } else { "FACTOR*x" };
             let remedy = format!("'{name}={line} {}'", sensor.unit);
             return Err(CsvProblem::WrongUnit {
                 column: track.name,

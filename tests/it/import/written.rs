@@ -80,7 +80,7 @@ fn a_factor_in_a_heading_is_no_unit() {
         let name = "P1";
         let bench = Bench::new(&[(name, "pressure", "bar", "")]);
         bench.put("t.csv", table(&format!("Time (ms),{heading}\n"), |i, p, _| format!("{i},{:.4}", 10.0 * p)));
-        bench.refuses(&["t.csv", "--yes"], &["is in", "no known pressure unit", "--scale 'P1=0.01*x bar'"]);
+        bench.refuses(&["t.csv", "--yes"], &["is in", "no known pressure unit", "--scale 'P1=FACTOR*x bar'"]);
         bench.import(0, &["t.csv", "--yes", "--scale", "P1=0.1*x bar"]);
         let value = &bench.recording().series[0].value;
         assert!((value[7] - bar(7)[0]).abs() < 1e-4, "{heading}: {} bar", value[7]);
@@ -233,7 +233,7 @@ fn refusals_lead_on_with_the_columns_own_names() {
     assert!((volts.recording().series[0].value[0] - 1.0).abs() < 1e-3);
     let folder = folder(&[("t.csv", &table("Time (ms),Valve (furlong)\n", |i, p, _| format!("{i},{p:.4}")))]);
     let (code, _, said) = run(&folder, &[&["rig", "new", "t.csv"], &PIPE[..]].concat());
-    assert!(code == 2 && said.contains("--scale 'Valve (furlong)=0.01*x bar'"), "{said}");
+    assert!(code == 2 && said.contains("--scale 'Valve (furlong)=FACTOR*x bar'"), "{said}");
     let scaled = ["rig", "new", "t.csv", "--scale", "Valve (furlong)=0.01*x bar"];
     assert_eq!(run(&folder, &[&scaled, &PIPE[..]].concat()).0, 0);
 }

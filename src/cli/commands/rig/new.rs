@@ -18,7 +18,7 @@ use crate::draft::answers::{
     Amiss, Answers, CLOSING_TIME, Drafted, INNER_DIAMETER, LENGTH, Measured, PLACE, RATE, SUPPLIES, TEMPERATURE, WALL,
     flow, known_materials, material, no_pressure, supply,
 };
-use crate::draft::{LIKE_THE_AIR, Said, WRITTEN, contradictions, has_flow, without_pressure};
+use crate::draft::{LIKE_THE_AIR, Said, WRITTEN, contradictions, misread, has_flow, without_pressure};
 use crate::report::advice::quoted;
 use crate::report::rig_drawing;
 use crate::rig::check::{Finding, Level, check as check_rig};
@@ -132,6 +132,10 @@ pub fn run(mut args: Args, json: bool) -> CommandResult {
     let source = guessing(&args.foreign);
     let text = draft.text();
     let rig = Rig::from_toml(&text, &args.output.shown())?;
+    let strange = read.as_deref().filter(|_| !asks).and_then(|read| misread(&rig, read, &source));
+    if let (Some(file), Some(text)) = (args.files.first(), strange) {
+        return Err(format!("{}: {text}", file.shown()).into());
+    }
     output::write(&args.output, &text)?;
     let mut findings = check_rig(&rig);
     let doubts = read.as_deref().map_or(Ok(Vec::new()), |read| contradictions(&rig, read, &source, &mut Vec::new()));
@@ -251,10 +255,10 @@ fn unstated_units(sensors: &[DraftSensor]) -> Option<String> {
     let mut remedies: Vec<String> = Vec::new();
     remedies.extend(open(true).filter(written).map(|s| {
         let name = &s.name;
-        format!("what the numbers of '{name}' stand for with --scale, as in --scale '{name}=0.01*x bar'")
+        format!("what the numbers of '{name}' stand for with --scale, as in --scale '{name}=FACTOR*x bar' with its number")
     }));
     if !pressures.is_empty() {
-        remedies.push(format!("that of the pressures ({}) with --unit, as in --unit bar", pressures.join(", ")));
+        remedies.push(format!("that of the pressures ({}) with --unit (bar, kPa, psi, m(H2O), …)", pressures.join(", ")));
     }
     remedies.extend(open(false).map(|s| {
         let (kind, name, usual) = (s.kind.name(), &s.name, s.unit.value.symbol);

@@ -211,6 +211,11 @@ fn factor_in(word: &str) -> Option<(usize, usize)> {
     leads.then(|| (0, word.len() - behind(first).len()))
 }
 
+/// Whether a cell is a factor with or without a name: `x0.1`, `INT*100`.
+pub(crate) fn is_factor(cell: &str) -> bool {
+    !cell.contains(' ') && factor_in(cell).is_some()
+}
+
 /// `10`, `0.01`, `1e-3`, `10^5`.
 fn is_number(text: &str) -> bool {
     text.starts_with(|c: char| c.is_ascii_digit())

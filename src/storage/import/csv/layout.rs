@@ -4,11 +4,11 @@ use std::borrow::Cow;
 
 use crate::rig::quantity_of;
 use crate::storage::import::csv::cell::{Cell, with_unit};
-use crate::storage::import::csv::heading::{header_unit, is_date_name, is_known_unit, is_time_name, time_unit};
+use crate::storage::import::csv::heading::{header_unit, is_date_name, is_factor, is_known_unit, is_time_name, time_unit};
 use crate::storage::import::csv::lines::Line;
 use crate::storage::import::csv::row::{Row, is_row};
 use crate::storage::import::csv::settings::{Settings, is_key};
-use crate::storage::import::kinds::{is_nameless, kind_of_name, pressure_unit, quantity_of_unit, same_unit};
+use crate::storage::import::kinds::{is_electric, is_nameless, kind_of_name, pressure_unit, quantity_of_unit, same_unit};
 use crate::storage::import::source::{NAMELESS, Repair, is_place};
 
 /// Rows at the beginning and at the end of a table by which it is judged.
@@ -45,6 +45,15 @@ impl Column {
                 found.get_or_insert((line, [self.heading.clone(), own.clone(), unit.to_owned()]));
             }
             Some(_) => {}
+        }
+    }
+
+    /// Takes a factor that stands elsewhere into its unit, which is none that is known then, as with a factor in the heading. What is in volts awaits
+    /// a line anyway.
+    fn take_factor(&mut self, factor: &str) {
+        if !self.unit.as_deref().is_some_and(is_electric) {
+            let unit = self.unit.take().unwrap_or_default();
+            self.unit = Some(format!("{factor} {unit}").trim_end().to_owned());
         }
     }
 
@@ -183,6 +192,7 @@ impl<'t> Layout<'t> {
                     Cell::Word if ["abs", "absolute", "absolut"].contains(&cell.to_lowercase().as_str()) => {
                         column.unit.iter_mut().for_each(|unit| unit.push_str(" abs"));
                     }
+                    Cell::Word if at != headings[1] && is_factor(&cell) => column.take_factor(&cell),
                     Cell::Word if column.heading.is_empty() && !is_known_unit(without_brackets(&cell)) => {
                         *column = Column::of(&cell)
                     }
@@ -247,8 +257,9 @@ impl<'t> Layout<'t> {
 
     /// Takes the units of `values`, and names of channels, from what stands around the table, for those that their headings leave without.
     pub(crate) fn take_settings(&mut self, values: &[usize]) {
-        let (units, names) =
-            (self.settings.units(self.columns.len(), values), self.settings.names(self.columns.len(), values));
+        let width = self.columns.len();
+        let (units, names) = (self.settings.units(width, values), self.settings.names(width, values));
+        let factors = self.settings.factors(width, values);
         for &i in values {
             let column = &mut self.columns[i];
             if let Some((name, unit)) = self.settings.channel(&column.name) {
@@ -272,6 +283,7 @@ impl<'t> Layout<'t> {
             {
                 unit.push_str(" abs");
             }
+            factors.iter().filter(|(at, _)| *at == i).for_each(|(_, factor)| column.take_factor(factor));
             if let Some((_, name)) =
                 names.iter().find(|(at, _)| *at == i).filter(|_| column.name.is_empty() || is_nameless(&column.name))
             {

@@ -94,6 +94,20 @@ pub(crate) fn take_unit_columns(layout: &mut Layout<'_>, looks: &[Looks]) {
     }
 }
 
+/// Of columns of the least, the mean and the largest value of one channel in each interval, those that are not the mean.
+pub(crate) fn extremes(columns: &[Column], values: &[usize]) -> Vec<usize> {
+    let split = |i: usize| {
+        let name = columns[i].name.trim_end_matches(')').to_lowercase();
+        let (base, word) = name.rsplit_once([' ', '_', '.', '-', '('])?;
+        Some((base.trim_end().to_owned(), word.to_owned()))
+    };
+    let is = |i: usize, words: &[&str]| split(i).filter(|(_, word)| words.contains(&word.as_str()));
+    let means: Vec<String> =
+        values.iter().filter_map(|&i| Some(is(i, &["avg", "mean", "average", "ave"])?.0)).collect();
+    let others = ["min", "max", "std", "sd", "minimum", "maximum"];
+    values.iter().copied().filter(|&i| is(i, &others).is_some_and(|(base, _)| means.contains(&base))).collect()
+}
+
 /// The usual step of times that rise.
 pub(crate) fn median_step(values: &[f64]) -> Option<f64> {
     let mut steps: Vec<f64> = values.windows(2).map(|w| w[1] - w[0]).filter(|s| *s > 0.0).collect();

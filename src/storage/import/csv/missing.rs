@@ -7,34 +7,26 @@ use crate::storage::import::source::{Repair, counted};
 /// A cell that says that its value is missing: unlike an empty one, a sample was due there. It is a NaN of its own.
 const MISSING: u64 = f64::NAN.to_bits() | 0x5eed;
 
-/// Words for no value, in lower case.
-const WORDS: [&str; 48] = [
+/// Words for no value, in lower case, without signs and blanks.
+const WORDS: [&str; 37] = [
     "nan",
-    "-nan",
-    "+nan",
     "nan(ind)",
-    "-nan(ind)",
     "1.#qnan",
-    "-1.#qnan",
     "1.#ind",
-    "-1.#ind",
     "1.#inf",
-    "-1.#inf",
     "na",
     "n/a",
-    "#n/a",
-    "#na",
-    "#n/v",
-    "#nv",
-    "<na>",
+    "n/v",
+    "nv",
     "nat",
     "null",
     "none",
     "nil",
     "ol",
-    "+ol",
-    "-ol",
     "o.l",
+    "ovl",
+    "ovld",
+    "ovrng",
     "over",
     "under",
     "overload",
@@ -42,21 +34,18 @@ const WORDS: [&str; 48] = [
     "overflow",
     "underrange",
     "underflow",
+    "outofrange",
+    "lo",
+    "hi",
     "open",
-    "no data",
+    "burnout",
     "nodata",
     "invalid",
     "bad",
     "error",
     "err",
     "inf",
-    "+inf",
-    "-inf",
     "infinity",
-    "-infinity",
-    "∞",
-    "+∞",
-    "-∞",
 ];
 
 /// Numbers that loggers write for no value: Campbell's, and the ends of a converter's range.
@@ -81,8 +70,20 @@ pub(crate) fn is_missing(value: f64) -> bool {
 /// Whether a cell says that its value is missing; an empty cell says nothing.
 pub(crate) fn says_missing(cell: &str) -> bool {
     let first = cell.bytes().next();
-    let may = first.is_some_and(|b| b.is_ascii_alphabetic() || b"-+*#<1.?_=".contains(&b) || !b.is_ascii());
-    may && (is_filler(cell) || WORDS.contains(&cell.to_lowercase().as_str()))
+    let may = first.is_some_and(|b| b.is_ascii_alphabetic() || b"-+*#<([1.?_=".contains(&b) || !b.is_ascii());
+    may && (is_filler(cell) || is_spreadsheet_error(cell) || is_word(cell))
+}
+
+fn is_word(cell: &str) -> bool {
+    let bare = cell.trim_start_matches(['+', '-', '#', '<', '(', '[']);
+    let bare = if bare.len() < cell.len() { bare.trim_end_matches(['>', ')', ']']) } else { bare };
+    let bare: String = bare.chars().filter(|c| *c != ' ').collect::<String>().to_lowercase();
+    bare == "∞" || WORDS.contains(&bare.as_str()) || bare == "nan(ind"
+}
+
+/// `#VALUE!`, `#DIV/0!`, `#NAME?`.
+fn is_spreadsheet_error(cell: &str) -> bool {
+    cell.starts_with('#') && cell.len() > 2 && cell.ends_with(['!', '?'])
 }
 
 /// `---`, `+++++`, `****`, `?`: signs and nothing else.
@@ -120,34 +121,34 @@ impl Spellings {
 /// Takes the numbers that stand for no value out of a column. A number does where it lies far outside of all others and is one that loggers use so, or
 /// comes again to the last digit.
 pub(crate) fn take_sentinels(values: &mut [f64], lines: &[usize], spellings: &mut Spellings) {
-    let mut counts: BTreeMap<u64, usize> = BTreeMap::new();
     let mut sorted: Vec<f64> = values.iter().copied().filter(|v| !v.is_nan() && !is_known(*v)).collect();
     sorted.sort_by(f64::total_cmp);
     // a value that stands for none is the least or the largest, however often it comes: the spread is that of the others
-    if let (Some(&least), Some(&most), true) = (sorted.first(), sorted.last(), sorted.len() >= ENOUGH) {
-        sorted.retain(|v| *v != least && *v != most);
+    let ends = [sorted.first(), sorted.last()].map(|end| end.copied().unwrap_or(f64::NAN));
+    let all = sorted.len();
+    if all >= ENOUGH {
+        sorted.retain(|v| !ends.contains(v));
     }
     let Some(last) = sorted.len().checked_sub(1) else { return };
     // The middle nine tenths, in which no few strays count.
     let (low, high) = (sorted[last / 20], sorted[last - last / 20]);
     let (spread, size) = (high - low, low.abs().max(high.abs()));
     // what loggers are known to write needs only be outside of the rest
-    let is_far = |v: f64| {
-        let reach = if is_known(v) { spread.max(0.1 * size) } else { FAR * spread.max(size) };
-        v < low - reach || v > high + reach
+    let known_reach = spread.max(0.1 * size);
+    let is_known_stray = |v: f64| is_known(v) && (v < low - known_reach || v > high + known_reach);
+    // a clipped peak has others near it, and of two levels each lasts
+    let reach = FAR * spread.max(size);
+    let comes_again = |end: f64| {
+        let count = values.iter().filter(|v| **v == end).count();
+        let alone = sorted.iter().chain(&ends).all(|v| *v == end || (v - end).abs() > reach);
+        count > 1 && 20 * count <= all && alone
     };
-    for value in values.iter().filter(|v| is_far(**v)) {
-        *counts.entry(value.to_bits()).or_default() += 1;
-    }
-    // several such values are data of two levels
-    let unknown: Vec<usize> =
-        counts.iter().filter(|(bits, _)| !is_known(f64::from_bits(**bits))).map(|(_, n)| *n).collect();
-    // a block of them on end is a clipped peak, or a state before another one
-    let runs = values.windows(2).filter(|w| is_far(w[1]) && w[0].to_bits() != w[1].to_bits()).count();
-    let comes_again = runs > 1 && unknown.len() == 1 && unknown[0] > 1 && spread > 0.0 && sorted.len() >= ENOUGH;
-    let stands_for_none = |v: f64| is_known(v) || comes_again;
+    let strays: Vec<f64> = match spread > 0.0 && all >= ENOUGH {
+        true => ends.into_iter().filter(|end| comes_again(*end)).collect(),
+        false => Vec::new(),
+    };
     for (value, line) in values.iter_mut().zip(lines) {
-        if counts.contains_key(&value.to_bits()) && stands_for_none(*value) {
+        if is_known_stray(*value) || strays.contains(value) {
             spellings.count(&shown(*value), *line);
             *value = missing();
         }
@@ -172,7 +173,7 @@ mod tests {
 
     #[test]
     fn words_for_no_value_are_no_numbers_and_numbers_are() {
-        for word in ["NaN", "NAN", "-nan(ind)", "---", "#N/A", "OL", "inf", "∞", "+++++", "*****", "No Data", "?"] {
+        for word in ["NaN", "NAN", "-nan(ind)", "---", "#N/A", "OL", "inf", "∞", "+++++", "*****", "No Data", "?", "-1.#INF", "+OVER", "(null)", "<NA>", "-nan(ind)", "#VALUE!", "#DIV/0!", "Over Range", "OVLD"] {
             assert!(says_missing(word), "{word}");
         }
         for word in ["", "1", "-1.5", "+2", "P1", "remark", "-9999", "1e5", "."] {
@@ -205,6 +206,15 @@ mod tests {
         let mut spellings = Spellings::default();
         take_sentinels(&mut few, &[1, 2, 3, 4], &mut spellings);
         assert!(is_missing(few[2]) && few[3] == 2.8);
+        // a block of them on end, at the beginning, within or at the end
+        for from in [0, 50, 95] {
+            let block: Vec<(usize, f64)> = (from..from + 5).map(|at| (at, -1234.5)).collect();
+            let (values, said) = column(&block);
+            assert!(values[from..from + 5].iter().all(|v| is_missing(*v)) && said.contains("5 ×"), "{said}");
+        }
+        // a sensor that shows no more than 100 has others near it
+        let clipped: Vec<(usize, f64)> = [(40, 60.0), (41, 100.0), (42, 100.0), (43, 71.0)].to_vec();
+        assert_eq!(column(&clipped).1, "");
         // a peak is a peak, also a high one, and so is a value that comes again near the rest
         assert_eq!(column(&[(4, 123.0)]).1, "");
         assert_eq!(column(&[(4, 9.99), (70, 9.99)]).1, "");

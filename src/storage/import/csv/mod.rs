@@ -23,6 +23,7 @@ pub(crate) mod plain;
 pub(crate) mod roles;
 pub(crate) mod row;
 pub(crate) mod rows;
+pub(crate) mod scaled;
 pub(crate) mod settings;
 pub(crate) mod stamp;
 pub(crate) mod table;
@@ -36,6 +37,7 @@ use crate::storage::import::csv::cut::is_cut_off;
 use crate::storage::import::csv::keyed::{Channel, Keyed};
 use crate::storage::import::csv::layout::{Column, Layout};
 use crate::storage::import::csv::lines::{Line, lines, without_receipt};
+use crate::storage::import::csv::looks::extremes;
 use crate::storage::import::csv::missing::{Spellings, take_sentinels};
 use crate::storage::import::csv::numbers::{Numbers, thousands};
 use crate::storage::import::csv::order::put_in_order;
@@ -120,7 +122,23 @@ fn table(
     {
         return Err((line.or(header_at), Box::new(CsvProblem::TwoUnits { column, first, second })));
     }
+    let is_named = |i: &usize| {
+        let column = &layout.columns[*i];
+        let mut given = options.map.iter().map(|(name, _)| name).chain(options.scales.iter().map(|(name, _)| name));
+        given.any(|name| column.is_called(name, i + 1))
+    };
+    let mut extremes = extremes(&layout.columns, &values);
+    extremes.retain(|i| !is_named(i));
+    found.clocks.iter_mut().for_each(|clock| clock.values.retain(|i| !extremes.contains(i)));
+    let values: Vec<usize> = values.into_iter().filter(|i| !extremes.contains(i)).collect();
     let names = distinct_names(&layout.columns, &mut repairs);
+    if !extremes.is_empty() {
+        let listed: Vec<&str> = extremes.iter().map(|&i| names[i].0.as_str()).collect();
+        let text = format!("left out, for the mean of the same channel stands beside: {}", listed.join(", "));
+        let is_ignored = |i: &usize| options.ignore.iter().any(|name| layout.columns[*i].is_called(name, i + 1));
+        let lost = !extremes.iter().all(is_ignored);
+        repairs.push(Repair { lost, ..Repair::new("extremes", extremes.len(), None, text) });
+    }
     let worded: Vec<&str> =
         found.words.iter().filter(|i| !is_key(**i)).map(|&i| names[i].0.as_str()).filter(|n| !n.is_empty()).collect();
     if !worded.is_empty() {

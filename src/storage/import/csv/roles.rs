@@ -125,6 +125,23 @@ impl Finder<'_, '_> {
         unit.as_deref().is_some_and(|unit| is_unit(name, unit) || is_electric(unit))
     }
 
+    /// The time from sample to sample that stands around the table, s, and what says so; that of the device is not that of the lines where it did not
+    /// write each of its samples.
+    fn interval_s(&self) -> Option<(f64, String)> {
+        self.layout.settings.interval_s().filter(|_| self.thinned().is_none())
+    }
+
+    /// What shows that not every sample of the device was written: a line that says so, or a counter that rises by more than one.
+    fn thinned(&self) -> Option<String> {
+        let steps = |i: usize| median_step(self.values(i)).filter(|step| *step >= 2.0 && self.is_even(i));
+        let is_counter = |i: &usize| !self.column(*i).name.is_empty() && is_counter_name(&self.column(*i).name);
+        let counted = || {
+            let (i, step) = self.numbers().filter(is_counter).find_map(|i| Some((i, steps(i)?)))?;
+            Some(format!("'{}' rises by {step} from line to line", self.column(i).heading))
+        };
+        self.layout.settings.thinned().or_else(counted)
+    }
+
     /// The unit of a column's times, s, where its heading or the line of units states it.
     fn stated_unit(&self, i: usize) -> Option<f64> {
         let Column { heading, name, unit, .. } = self.column(i);
@@ -166,13 +183,13 @@ impl Finder<'_, '_> {
         } else if let Some(clock) = self.since_1970().filter(|_| self.options.time_unit_s.is_none()) {
             vec![clock]
         } else if let Some(host) = host {
-            match self.layout.settings.interval_s().filter(|_| self.repeats_stamps(&host)) {
+            match self.interval_s().filter(|_| self.repeats_stamps(&host)) {
                 Some((interval_s, said)) => vec![self.counted(interval_s, Some(&host), Some(said), &mut repairs)],
                 None => vec![host],
             }
         } else if let Some(clock) = self.unstated() {
             clock
-        } else if let Some((interval_s, said)) = self.layout.settings.interval_s() {
+        } else if let Some((interval_s, said)) = self.interval_s() {
             vec![self.counted(interval_s, None, Some(said), &mut repairs)]
         } else {
             vec![self.guessed(&mut repairs)?]
@@ -319,7 +336,7 @@ impl Finder<'_, '_> {
         let first = *named.first()?;
         // a stated interval is that of the steps in one unit
         let by_interval = || {
-            let (stated_s, _) = self.layout.settings.interval_s()?;
+            let (stated_s, _) = self.interval_s()?;
             let step = median_step(self.values(first))?;
             UNITS.iter().map(|(_, unit_s)| *unit_s).find(|unit_s| (step * unit_s / stated_s).ln().abs() < EVEN)
         };
@@ -402,7 +419,7 @@ impl Finder<'_, '_> {
 
     /// A stated interval that is not that of the times: of two statements the times count.
     fn interval_contradicted(&self, time: usize, unit_s: f64) -> Option<Repair> {
-        let (stated_s, said) = self.layout.settings.interval_s()?;
+        let (stated_s, said) = self.interval_s()?;
         let step_s = unit_s * median_step(self.values(time))?;
         let text = format!("{said} is not what the times say, which are {step_s} s apart: the times count");
         ((step_s / stated_s).ln().abs() > EVEN).then(|| Repair::new("interval", 1, None, text))
@@ -441,6 +458,9 @@ impl Finder<'_, '_> {
             ),
             (Some(name), _) => {
                 format!(" in a unit that can be guessed: give the unit of '{name}' with option `time_unit`")
+            }
+            (None, _) if let (Some((_, said)), Some(thinned)) = (self.layout.settings.interval_s(), self.thinned()) => {
+                format!(": {said} is stated, but {thinned}; give the rate of the lines with option `rate`")
             }
             (None, Some(name)) => format!(": '{name}' counts samples; give their rate with option `rate`"),
             (None, None) => {

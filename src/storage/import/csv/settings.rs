@@ -4,6 +4,7 @@ use std::borrow::Cow;
 
 use crate::storage::import::csv::heading::{header_unit, is_known_unit, time_unit};
 use crate::storage::import::csv::numbers::Numbers;
+use crate::storage::import::csv::scaled::{changes, factor_in_words, is_absolute, is_sensitivity};
 use crate::storage::import::csv::stamp::Stamp;
 use crate::storage::import::source::Order;
 use crate::storage::import::source::{Repair, SourceOptions, Start};
@@ -48,6 +49,9 @@ const RATES: [&str; 14] = [
     "acquisitionrate",
     "datarate",
 ];
+/// Keys of how many samples stand for one that was written.
+const THINNED: [&str; 8] =
+    ["decimation", "decimationfactor", "downsampling", "downsamplingfactor", "downsample", "skip", "everynth", "reduction"];
 /// Keys of the units of columns.
 const UNITS: [&str; 18] = [
     "unit",
@@ -125,6 +129,8 @@ impl Setting {
 pub(crate) struct Settings {
     all: Vec<Setting>,
     head: Option<String>,
+    /// Lines of one cell, which may be words.
+    remarks: Vec<String>,
 }
 
 fn bare(text: &str) -> String {
@@ -137,7 +143,7 @@ impl Settings {
         let last = cells.iter().rposition(|c| !c.is_empty()).map_or(0, |last| last + 1);
         let (name, cells): (&str, Vec<String>) = match &cells[..last] {
             [] => return,
-            [one] => match one.split_once([':', '=']).or_else(|| one.split_once('\t')) {
+            [one] => match self.remarked(one).split_once([':', '=']).or_else(|| one.split_once('\t')) {
                 Some((name, value)) => (name, vec![value.trim().to_owned()]),
                 None => {
                     self.head = Some(one.trim().to_owned());
@@ -148,6 +154,11 @@ impl Settings {
         };
         let name = name.trim().trim_end_matches([':', '=']).trim();
         self.all.push(Setting { name: name.to_owned(), key: bare(name), cells, head: self.head.clone() });
+    }
+
+    fn remarked<'c>(&mut self, line: &'c str) -> &'c str {
+        self.remarks.push(line.trim().to_owned());
+        line
     }
 
     /// Takes a value that stands under its heading.
@@ -194,6 +205,28 @@ impl Settings {
         })
     }
 
+    /// What says that of the device's samples not all were written.
+    pub(crate) fn thinned(&self) -> Option<String> {
+        let is_number = |s: &&Setting| s.cells.first().is_some_and(|c| numbers_of(number_of(c).0).iter().any(|n| *n > 1.0));
+        let thinned = self.all.iter().filter(|s| THINNED.contains(&s.key.as_str())).find(is_number)?;
+        Some(format!("'{} {}'", thinned.name, thinned.cells.join(" ").trim()))
+    }
+
+    /// Factors and zeros that lines or remarks state of columns, in their words: nobody can tell whether the numbers have them yet.
+    pub(crate) fn factors(&self, width: usize, values: &[usize]) -> Vec<(usize, String)> {
+        let transducer = self.all.iter().any(|s| is_sensitivity(&s.key));
+        let of_line = |s: &Setting| -> Vec<(usize, String)> {
+            let is_changed = |(_, cell): &(usize, String)| changes(&s.key, cell) && !(transducer && changes(&s.key, "1"));
+            let told = |(i, cell): (usize, String)| (i, format!("{} {cell}", s.name));
+            s.by_column(width, values).into_iter().filter(is_changed).map(told).collect()
+        };
+        let of_remark = |remark: &String| {
+            let said = factor_in_words(remark).map(str::to_owned);
+            values.iter().filter_map(move |i| Some((*i, said.clone()?))).collect::<Vec<_>>()
+        };
+        self.all.iter().flat_map(of_line).chain(self.remarks.iter().flat_map(of_remark)).collect()
+    }
+
     /// The unit of times that is stated, s.
     pub(crate) fn time_unit_s(&self) -> Option<f64> {
         let of = |s: &Setting| time_unit(s.cells.first()?);
@@ -236,13 +269,13 @@ impl Settings {
         Some((cell(place(&NAMES)), unit))
     }
 
-    /// Whether a line says that pressures count from the vacuum: `Pressure type: absolute`, `Reference;absolute;absolute`.
+    /// Whether a line says that pressures count from the vacuum: `Pressure type: absolute`, `Reference;absolute;absolute`, `pressures are absolute`.
     pub(crate) fn is_absolute(&self) -> bool {
         let keyed = |s: &&Setting| {
             ["reference", "pressuretype", "type", "mode", "pressuremode", "bezug", "druckart"].contains(&s.key.as_str())
         };
         let says = |cell: &String| ["absolute", "absolut", "abs"].contains(&cell.trim().to_lowercase().as_str());
-        self.all.iter().filter(keyed).any(|s| s.cells.iter().any(says))
+        self.all.iter().filter(keyed).any(|s| s.cells.iter().any(says)) || self.remarks.iter().any(|r| is_absolute(r))
     }
 
     /// Wall-clock time of time 0, and a remark on it, that a line gives: `start: 2026-03-14T09:26:53.5Z`, or a date and a time in two lines, as
