@@ -31,6 +31,9 @@ const VELOCITIES_M_S: [f64; 2] = [0.03, 6.0];
 /// A column without a name whose values differ by less than this share of their size is no pressure of a test.
 const LEAST_SPREAD: f64 = 0.05;
 
+/// A column of so many equal values is constant.
+const LEAST_CONSTANT: usize = 20;
+
 /// How the reason begins where a unit is written that is not known.
 pub const WRITTEN: &str = "the file has it in";
 
@@ -54,6 +57,10 @@ fn kind_of_numbers(values: &[f64]) -> Option<SensorKind> {
         return None;
     }
     Some(if last < STOPPED * first { SensorKind::Flow } else { SensorKind::Pressure })
+}
+
+fn is_constant(values: &[f64]) -> bool {
+    values.len() > LEAST_CONSTANT && values.iter().all(|v| *v == values[0])
 }
 
 /// What a person says of a file's columns.
@@ -117,6 +124,10 @@ pub fn meant(track: &Track, said: &Said) -> Option<(SensorKind, Option<Told<Unit
         .or_else(|| pressure(is_mapped))
         .or_else(|| Some((kind_of_numbers(&track.series.value)?, None)).filter(|_| nameless))
         .filter(|_| line.is_some() || !track.unit.as_deref().is_some_and(is_electric));
+    // what never changes sees nothing of the test, unless somebody says that it is a sensor all the same
+    let is_said = line.is_some() || is_placed || is_mapped;
+    let is_seen = |kind: &SensorKind| *kind != SensorKind::Pressure || is_said || !is_constant(&track.series.value);
+    let kind = kind.filter(|(kind, _)| is_seen(kind));
     kind.filter(|_| track.series.value.len() > 1 && !source.ignore.iter().any(|name| track.is_called(name)))
 }
 
@@ -293,14 +304,15 @@ pub fn misread(rig: &Rig, file: &SourceFile, source: &SourceOptions) -> Option<S
         let track = file.tracks.iter().find(|track| track.is_called(from.unwrap_or(name)));
         source.scales.iter().any(|(said, _)| said == name || track.is_some_and(|track| track.is_called(said)))
     };
-    let is_strange = |fault: &SensorFault| matches!(fault.fault, Fault::Flat | Fault::Inverted | Fault::WrongUnit);
+    let is_strange = |fault: &SensorFault| matches!(fault.fault, Fault::Inverted | Fault::WrongUnit);
     let mut faults = sensor_faults(&recording);
     faults.retain(|fault| is_strange(fault) && !is_said(&fault.sensor));
     let first = &faults.first()?.sensor;
     let unit = rig.sensors.iter().find(|s| s.name == *first)?.unit.symbol;
-    let told: Vec<String> = faults.iter().map(|f| format!("sensor {} is {}: {}", f.sensor, f.fault.words(), f.says)).collect();
+    let told: Vec<String> =
+        faults.iter().map(|f| format!("sensor {} is {}: {}", f.sensor, f.fault.words(), f.says)).collect();
     Some(format!(
-        "{}. Leave out what is no sensor of the pipe with option `ignore '{first}'`; say what its numbers stand for with option `scale '{first}=FACTOR*x {unit}'` and its number; or keep them as they are with option `scale '{first}={unit}'`",
+        "{}. Say what its numbers stand for with option `scale '{first}=FACTOR*x {unit}'` and its number, keep them as they are with option `scale '{first}={unit}'`, or leave it out with option `ignore '{first}'`",
         told.join("; ")
     ))
 }

@@ -176,8 +176,11 @@ pub fn no_pressure(file: &SourceFile, columns: Vec<String>) -> Amiss {
     let unknown = first(&|unit| !unit.is_empty() && !is_electric(unit)).map(|(name, unit)| {
         format!("what its numbers stand for, if it is in '{unit}', as in option `scale '{name}=FACTOR*x bar'` with its number")
     });
-    let bare = first(&str::is_empty)
-        .map(|(name, _)| format!("its place and its unit, as in option `sensor '{name}=12.5'` and option `unit` (bar, kPa, psi, m(H2O), …)"));
+    let bare = first(&str::is_empty).map(|(name, _)| {
+        format!(
+            "its place and its unit, as in option `sensor '{name}=12.5'` and option `unit` (bar, kPa, psi, m(H2O), …)"
+        )
+    });
     let remedies = volts.into_iter().chain(unknown).chain(bare).collect();
     Amiss::NoPressure { columns, remedies }
 }

@@ -166,7 +166,7 @@ fn read_unit(section: &Section<'_>, kind: Option<SensorKind>) -> Option<Unit> {
 }
 
 /// Other spellings of units, in lower case and without signs.
-const OTHER_SPELLINGS: [(&str, &str); 36] = [
+const OTHER_SPELLINGS: [(&str, &str); 69] = [
     ("c", "degC"),
     ("celsius", "degC"),
     ("kelvin", "K"),
@@ -203,6 +203,39 @@ const OTHER_SPELLINGS: [(&str, &str); 36] = [
     ("percent", "%"),
     ("barg", "bar"),
     ("psig", "psi"),
+    ("lbin2", "psi"),
+    ("lbfin2", "psi"),
+    ("lbsqin", "psi"),
+    ("lbfsqin", "psi"),
+    ("poundspersquareinch", "psi"),
+    ("mb", "mbar"),
+    ("cbar", "kPa"),
+    ("centibar", "kPa"),
+    ("decibar", "dbar"),
+    ("hectopascal", "hPa"),
+    ("at", "kgf/cm2"),
+    ("kpcm2", "kgf/cm2"),
+    ("mca", "m(H2O)"),
+    ("mwg", "m(H2O)"),
+    ("mofwater", "m(H2O)"),
+    ("ft", "ftH2O"),
+    ("ftwc", "ftH2O"),
+    ("ftofwater", "ftH2O"),
+    ("бар", "bar"),
+    ("мбар", "mbar"),
+    ("кпа", "kPa"),
+    ("атм", "atm"),
+    ("кгссм2", "kgf/cm2"),
+    ("帕", "Pa"),
+    ("千帕", "kPa"),
+    ("兆帕", "MPa"),
+    ("巴", "bar"),
+    ("cm3s", "mL/s"),
+    ("ccs", "mL/s"),
+    ("cm3min", "mL/min"),
+    ("ccmin", "mL/min"),
+    ("лмин", "L/min"),
+    ("лс", "L/s"),
 ];
 
 /// The unit of a quantity in any common spelling: `BAR`, `m³/h`, `°C`, `mWC`, `lpm`.

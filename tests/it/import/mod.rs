@@ -5,6 +5,7 @@ mod csv;
 mod devices;
 mod foreign;
 mod mcap;
+mod stated;
 mod tdms;
 mod written;
 

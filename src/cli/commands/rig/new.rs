@@ -18,7 +18,7 @@ use crate::draft::answers::{
     Amiss, Answers, CLOSING_TIME, Drafted, INNER_DIAMETER, LENGTH, Measured, PLACE, RATE, SUPPLIES, TEMPERATURE, WALL,
     flow, known_materials, material, no_pressure, supply,
 };
-use crate::draft::{LIKE_THE_AIR, Said, WRITTEN, contradictions, misread, has_flow, without_pressure};
+use crate::draft::{LIKE_THE_AIR, Said, WRITTEN, contradictions, has_flow, misread, without_pressure};
 use crate::report::advice::quoted;
 use crate::report::rig_drawing;
 use crate::rig::check::{Finding, Level, check as check_rig};
@@ -255,10 +255,13 @@ fn unstated_units(sensors: &[DraftSensor]) -> Option<String> {
     let mut remedies: Vec<String> = Vec::new();
     remedies.extend(open(true).filter(written).map(|s| {
         let name = &s.name;
-        format!("what the numbers of '{name}' stand for with --scale, as in --scale '{name}=FACTOR*x bar' with its number")
+        format!(
+            "what the numbers of '{name}' stand for with --scale, as in --scale '{name}=FACTOR*x bar' with its number"
+        )
     }));
     if !pressures.is_empty() {
-        remedies.push(format!("that of the pressures ({}) with --unit (bar, kPa, psi, m(H2O), …)", pressures.join(", ")));
+        remedies
+            .push(format!("that of the pressures ({}) with --unit (bar, kPa, psi, m(H2O), …)", pressures.join(", ")));
     }
     remedies.extend(open(false).map(|s| {
         let (kind, name, usual) = (s.kind.name(), &s.name, s.unit.value.symbol);

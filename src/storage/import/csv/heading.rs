@@ -4,7 +4,7 @@ use crate::storage::import::kinds::{is_electric, is_unit, kind_of_name};
 use crate::units::{Quantity, Unit};
 
 /// Names of times, in lower case and without signs.
-const TIMES: [&str; 30] = [
+const TIMES: [&str; 31] = [
     "time",
     "times",
     "t",
@@ -35,6 +35,7 @@ const TIMES: [&str; 30] = [
     "millis",
     "micros",
     "clock",
+    "время",
 ];
 
 /// Names of counted samples, in lower case and without signs.
@@ -130,7 +131,7 @@ fn behind(heading: &str, mark: &str) -> Option<(String, String)> {
 /// A unit that is known, behind a comma, a slash, or as the last word.
 fn known_behind(heading: &str) -> Option<(String, String)> {
     let listed = |mark: &str| behind(heading, mark).filter(|(_, unit)| is_known_unit(unit));
-    if let Some(found) = listed(", ").or_else(|| listed(" in ")) {
+    if let Some(found) = listed(", ").or_else(|| listed(" in ")).or_else(|| listed(":")) {
         return Some(found);
     }
     let whole = heading.trim_end_matches('_');
@@ -287,11 +288,11 @@ pub fn time_symbol(seconds: f64) -> &'static str {
 /// Seconds of a unit of time.
 pub fn time_unit(text: &str) -> Option<f64> {
     match text.trim_end_matches('.').to_lowercase().as_str() {
-        "s" | "sec" | "secs" | "second" | "seconds" | "sek" | "sekunden" => Some(1.0),
-        "ms" | "msec" | "msecs" | "millisecond" | "milliseconds" | "millisec" => Some(1e-3),
+        "s" | "sec" | "secs" | "second" | "seconds" | "sek" | "sekunden" | "с" | "сек" => Some(1.0),
+        "ms" | "msec" | "msecs" | "millisecond" | "milliseconds" | "millisec" | "мс" => Some(1e-3),
         "us" | "µs" | "μs" | "usec" | "usecs" | "microsecond" | "microseconds" => Some(1e-6),
         "ns" | "nsec" | "nanosecond" | "nanoseconds" => Some(1e-9),
-        "min" | "mins" | "minute" | "minutes" => Some(60.0),
+        "min" | "mins" | "minute" | "minutes" | "мин" => Some(60.0),
         "h" | "hr" | "hrs" | "hour" | "hours" => Some(3600.0),
         "d" | "day" | "days" => Some(86_400.0),
         _ => None,
@@ -338,6 +339,7 @@ mod tests {
             ("Q L/min", "Q", "L/min"),
             ("t in ms", "t", "ms"),
             ("P1.psi", "P1", "psi"),
+            ("M00: mbar", "M00", "mbar"),
             ("P1_psi_", "P1", "psi"),
             ("P1_PSI", "P1", "PSI"),
             ("P1 PSI", "P1", "PSI"),

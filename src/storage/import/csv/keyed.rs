@@ -29,7 +29,11 @@ pub(crate) struct Keyed<'t> {
 impl<'t> Keyed<'t> {
     /// Finds the channels; none where each row holds them all.
     pub(crate) fn find(layout: &Layout<'_>, lines: &[Line<'t>]) -> Option<Keyed<'t>> {
-        let column = (0..layout.columns.len()).find(|&i| is_key(layout, i))?;
+        let is_key = |i: &usize| is_key(layout, *i) || begins_anew(layout, lines, *i);
+        let keys: Vec<usize> = (0..layout.columns.len()).filter(is_key).collect();
+        // a name says more than a number
+        let is_worded = |i: &&usize| layout.column(**i).any(|cell| Cell::of(cell).is_word());
+        let column = *keys.iter().find(is_worded).or(keys.first())?;
         let key = |line: &Line<'t>| cells(line.text, layout.separator).get(column).map(|cell| cell.to_string());
         let (head, rows) = lines.split_at(layout.first);
         let mut of: BTreeMap<String, Vec<Line<'t>>> = BTreeMap::new();
@@ -53,9 +57,8 @@ impl<'t> Keyed<'t> {
     }
 }
 
-/// Whether a column names channels: a few words or whole numbers, and wherever a time repeats that of the row above, another one; or another one in
-/// most rows, each channel with times of its own.
-fn is_key(layout: &Layout<'_>, column: usize) -> bool {
+/// The cells of a column of a few words or whole numbers, and how often each stands.
+fn few_names<'l>(layout: &'l Layout<'_>, column: usize) -> Option<(Vec<&'l str>, BTreeMap<&'l str, usize>)> {
     let names: Vec<&str> = layout.column(column).collect();
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     names.iter().for_each(|name| *counts.entry(name).or_default() += 1);
@@ -65,37 +68,78 @@ fn is_key(layout: &Layout<'_>, column: usize) -> bool {
         _ => false,
     };
     let few = (2..=MOST).contains(&counts.len()) && counts.values().all(|n| *n >= LEAST_ROWS);
-    if !few || !counts.keys().all(is_name) {
+    (few && counts.keys().all(is_name)).then_some((names, counts))
+}
+
+/// What repeats a whole test is no channel of it.
+const RUNS: [&str; 7] = ["run", "test", "trial", "shot", "repeat", "versuch", "lauf"];
+
+/// Whether the rows of one channel stand after those of the other, and the times begin anew with each. Of several columns of values they are runs.
+fn begins_anew(layout: &Layout<'_>, lines: &[Line<'_>], column: usize) -> bool {
+    let Some((names, counts)) = few_names(layout, column) else { return false };
+    let heading = layout.columns[column].name.to_lowercase();
+    let is_run = heading.split(|c: char| !c.is_alphabetic()).any(|word| RUNS.contains(&word));
+    let blocks = names.windows(2).filter(|w| w[0] != w[1]).count() + 1;
+    let varies = |i: &usize| {
+        let cells: Vec<&str> = layout.column(*i).collect();
+        let changes = |(w, n): (&[&str], &[&str])| w[0] != w[1] && n[0] == n[1];
+        cells.windows(2).zip(names.windows(2)).any(changes) && cells.iter().all(|c| Cell::of(c).is_number())
+    };
+    let values: Vec<usize> = (0..layout.columns.len()).filter(|i| *i != column).filter(varies).collect();
+    let is_worded = counts.keys().all(|name| Cell::of(name).is_word());
+    if blocks != counts.len() || is_run || !is_worded {
         return false;
     }
+    let rows = || lines[layout.first..].iter().filter(|l| is_row(l.text)).map(|l| cells(l.text, layout.separator));
+    (0..layout.columns.len()).filter(|&i| i != column).any(|i| {
+        let judged: Vec<&str> = layout.column(i).collect();
+        let is_time = times_of(&judged).is_some_and(|times| times.windows(2).any(|w| w[1] > w[0]));
+        let mut last: Option<(String, f64)> = None;
+        let mut seen: Vec<String> = Vec::new();
+        let one_value = values.iter().filter(|value| **value != i).count() == 1;
+        is_time
+            && one_value
+            && rows().all(|row| {
+                let (Some(name), Some(cell)) = (row.get(column), row.get(i)) else { return false };
+                let Some(time) = times_of(&[cell]).map(|times| times[0]) else { return false };
+                let (same, before) = last.as_ref().map_or((false, time), |(n, t)| (**name == **n, *t));
+                // each has its rows on end, and falls back where the next begins
+                let fits = if same { time >= before } else { !seen.contains(&name.to_string()) && time <= before };
+                if !same {
+                    seen.push(name.to_string());
+                }
+                last = Some((name.to_string(), time));
+                fits
+            })
+    })
+}
+
+/// Whether a column names channels: a few words or whole numbers, and wherever a time repeats that of the row above, another one; or another one in
+/// most rows, each channel with times of its own.
+fn is_key(layout: &Layout<'_>, column: usize) -> bool {
+    let Some((names, counts)) = few_names(layout, column) else { return false };
     let is_worded = counts.keys().any(|name| Cell::of(name).is_word());
     let changes = |i: usize| names[i] != names[i - 1];
     let alternates = 2 * (1..names.len()).filter(|i| changes(*i)).count() > names.len();
     let times = (0..layout.columns.len()).filter(|&i| i != column).any(|i| {
         let times: Vec<&str> = layout.column(i).collect();
-        if times.len() != names.len() || !is_time(&times) {
-            return false;
-        }
+        let Some(values) = times_of(&times).filter(|values| values.len() == names.len()) else { return false };
+        let falls = values.windows(2).filter(|w| w[1] < w[0]).count();
+        let is_time = 20 * falls <= values.len() && values.windows(2).any(|w| w[1] > w[0]);
         let again: Vec<usize> = (1..times.len()).filter(|&i| times[i] == times[i - 1]).collect();
         let apart = again.iter().filter(|i| changes(**i)).count();
-        again.len() >= LEAST_ROWS && apart == again.len()
+        is_time && again.len() >= LEAST_ROWS && apart == again.len()
     });
     // numbers that alternate may be anything, as the state of a bit
     times || (is_worded && alternates)
 }
 
-/// Whether the cells are times, or dates and times: they never fall, and do rise.
-fn is_time(cells: &[&str]) -> bool {
-    let values: Option<Vec<f64>> = cells
-        .iter()
-        .map(|cell| match Cell::of(cell) {
-            Cell::Number(value) => Some(value),
-            Cell::Stamp(stamp) if stamp.has_time => Some(stamp.unix_ns(0) as f64),
-            _ => None,
-        })
-        .collect();
-    values.is_some_and(|values| {
-        let falls = values.windows(2).filter(|w| w[1] < w[0]).count();
-        20 * falls <= values.len() && values.windows(2).any(|w| w[1] > w[0])
-    })
+/// The cells as times, s, where all are numbers, or dates and times.
+fn times_of(cells: &[&str]) -> Option<Vec<f64>> {
+    let time = |cell: &&str| match Cell::of(cell) {
+        Cell::Number(value) => Some(value),
+        Cell::Stamp(stamp) if stamp.has_time => Some(1e-9 * stamp.unix_ns(0) as f64),
+        _ => None,
+    };
+    cells.iter().map(time).collect()
 }

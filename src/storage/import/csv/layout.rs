@@ -4,11 +4,15 @@ use std::borrow::Cow;
 
 use crate::rig::quantity_of;
 use crate::storage::import::csv::cell::{Cell, with_unit};
-use crate::storage::import::csv::heading::{header_unit, is_date_name, is_factor, is_known_unit, is_time_name, time_unit};
+use crate::storage::import::csv::heading::{
+    header_unit, is_date_name, is_factor, is_factored, is_known_unit, is_time_name, time_unit,
+};
 use crate::storage::import::csv::lines::Line;
 use crate::storage::import::csv::row::{Row, is_row};
 use crate::storage::import::csv::settings::{Settings, is_key};
-use crate::storage::import::kinds::{is_electric, is_nameless, kind_of_name, pressure_unit, quantity_of_unit, same_unit};
+use crate::storage::import::kinds::{
+    is_electric, is_nameless, kind_of_name, pressure_unit, quantity_of_unit, same_unit,
+};
 use crate::storage::import::source::{NAMELESS, Repair, is_place};
 
 /// Rows at the beginning and at the end of a table by which it is judged.
@@ -43,6 +47,11 @@ impl Column {
             None => self.unit = Some(unit.to_owned()),
             Some(own) if is_known_unit(own) && is_known_unit(unit) && differ(own, unit) => {
                 found.get_or_insert((line, [self.heading.clone(), own.clone(), unit.to_owned()]));
+            }
+            // `P(valve)` over `bar`: what stands in brackets is a name
+            Some(own) if !is_known_unit(own) && !is_factored(own) && is_known_unit(unit) => {
+                self.name = self.heading.clone();
+                self.unit = Some(unit.to_owned());
             }
             Some(_) => {}
         }
@@ -480,9 +489,10 @@ impl Late {
     }
 }
 
-/// `Operator: Kim` heads no column.
+/// `Operator: Kim` heads no column; `Latest: Time (s)` does.
 fn is_setting(cell: &str) -> bool {
-    cell.split_once(": ").is_some_and(|(key, _)| !key.contains(['(', '[']))
+    let has_unit = || header_unit(cell).is_some_and(|(_, unit)| is_known_unit(&unit));
+    cell.split_once(": ").is_some_and(|(key, _)| !key.contains(['(', '['])) && !has_unit()
 }
 
 /// Most cells of most rows.
@@ -579,6 +589,11 @@ fn names_line<'t>(
         filled.peek().is_some() && filled.all(|c| PROCESSES.contains(&c.to_lowercase().as_str()))
     };
     let names = match headings.iter().rposition(|&at| is_units(at)) {
+        // the units may stand above the names
+        Some(0) if headings.len() > 1 => {
+            headings.swap(0, 1);
+            0
+        }
         Some(units) => units.saturating_sub(1),
         None => headings.len().checked_sub(1 + headings.iter().rev().take_while(|&&at| is_process(at)).count())?,
     };

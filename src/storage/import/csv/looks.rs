@@ -62,7 +62,7 @@ pub(crate) fn take_unit_columns(layout: &mut Layout<'_>, looks: &[Looks]) {
     let is_unit = |i: usize| matches!(looks[i], Looks::Unit(_) | Looks::Units(..));
     let units: Vec<usize> = (0..looks.len()).filter(|&i| is_unit(i)).collect();
     let values = |i: Option<usize>| i.filter(|&at| matches!(looks[at], Looks::Numbers { .. }));
-    let passes = |at: &usize| !is_unit(*at) && looks[*at] != Looks::Empty;
+    let passes = |at: &usize| !is_unit(*at) && !matches!(looks[*at], Looks::Empty | Looks::Words);
     let left = |i: usize| values((0..i).rev().find(passes));
     let right = |i: usize| values((i + 1..looks.len()).find(passes));
     // the unit of a time is that of times; others are of what is neither a time nor a counter

@@ -173,7 +173,29 @@ mod tests {
 
     #[test]
     fn words_for_no_value_are_no_numbers_and_numbers_are() {
-        for word in ["NaN", "NAN", "-nan(ind)", "---", "#N/A", "OL", "inf", "∞", "+++++", "*****", "No Data", "?", "-1.#INF", "+OVER", "(null)", "<NA>", "-nan(ind)", "#VALUE!", "#DIV/0!", "Over Range", "OVLD"] {
+        for word in [
+            "NaN",
+            "NAN",
+            "-nan(ind)",
+            "---",
+            "#N/A",
+            "OL",
+            "inf",
+            "∞",
+            "+++++",
+            "*****",
+            "No Data",
+            "?",
+            "-1.#INF",
+            "+OVER",
+            "(null)",
+            "<NA>",
+            "-nan(ind)",
+            "#VALUE!",
+            "#DIV/0!",
+            "Over Range",
+            "OVLD",
+        ] {
             assert!(says_missing(word), "{word}");
         }
         for word in ["", "1", "-1.5", "+2", "P1", "remark", "-9999", "1e5", "."] {

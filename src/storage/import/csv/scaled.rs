@@ -23,8 +23,17 @@ const FACTORS: [&str; 16] = [
 /// Keys of what is to be added or taken off.
 const ZEROS: [&str; 6] = ["offset", "intercept", "zerooffset", "zeropoint", "nullpunkt", "yoffset"];
 /// Parts of a unit.
-const PARTS: [&str; 9] =
-    ["tenth", "tenths", "hundredth", "hundredths", "thousandth", "thousandths", "zehntel", "hundertstel", "tausendstel"];
+const PARTS: [&str; 9] = [
+    "tenth",
+    "tenths",
+    "hundredth",
+    "hundredths",
+    "thousandth",
+    "thousandths",
+    "zehntel",
+    "hundertstel",
+    "tausendstel",
+];
 /// How words for a product begin.
 const PRODUCTS: [&str; 5] = ["multipl", "multiplizier", "divide", "dividier", "scaled"];
 /// What stands between a word and its number.
@@ -43,9 +52,22 @@ pub(crate) fn changes(key: &str, cell: &str) -> bool {
     number.is_some_and(|number| number != neutral) && !words.any(|unit| unit.contains('/'))
 }
 
-/// Whether a key is that of a transducer's sensitivity: a zero beside it is in volts, too.
-pub(crate) fn is_sensitivity(key: &str) -> bool {
-    ["sensitivity", "empfindlichkeit", "kennwert", "sensibilité"].contains(&key)
+/// Keys of lines on the transducer.
+const TRANSDUCER: [&str; 9] = [
+    "sensitivity",
+    "empfindlichkeit",
+    "kennwert",
+    "sensibilité",
+    "range",
+    "measuringrange",
+    "messbereich",
+    "fullscale",
+    "excitation",
+];
+
+/// Whether a key is that of a line on the transducer: the factor and the zero beside it are its own, and numbers in a unit have passed them.
+pub(crate) fn is_of_transducer(key: &str) -> bool {
+    TRANSDUCER.contains(&key)
 }
 
 /// The part of a remark that says how large the numbers are: `slope 0.1`, `values multiplied by 10`, `raw values are tenths of a bar`.
@@ -83,12 +105,19 @@ mod tests {
 
     #[test]
     fn a_factor_is_asked_for_and_one_by_one_is_none() {
-        for (key, cell) in [("factor", "0.1"), ("multiplier", "0,01"), ("offset", "1.5"), ("slope", "x10"), ("gain", "2 bar")] {
+        for (key, cell) in
+            [("factor", "0.1"), ("multiplier", "0,01"), ("offset", "1.5"), ("slope", "x10"), ("gain", "2 bar")]
+        {
             assert!(changes(key, cell), "{key} {cell}");
         }
-        for (key, cell) in
-            [("factor", "1"), ("offset", "0.000 kPa"), ("gain", "auto"), ("scale", "0.1 bar/V"), ("range", "10"), ("scaling", "")]
-        {
+        for (key, cell) in [
+            ("factor", "1"),
+            ("offset", "0.000 kPa"),
+            ("gain", "auto"),
+            ("scale", "0.1 bar/V"),
+            ("range", "10"),
+            ("scaling", ""),
+        ] {
             assert!(!changes(key, cell), "{key} {cell}");
         }
     }
@@ -103,11 +132,20 @@ mod tests {
         ] {
             assert_eq!(factor_in_words(remark), Some(said), "{remark}");
         }
-        for remark in ["raw data", "slope 1, intercept 0", "UTC offset 2", "Vertical Scale 0.5", "multiple runs, 7 of 9", "factor of safety"] {
+        for remark in [
+            "raw data",
+            "slope 1, intercept 0",
+            "UTC offset 2",
+            "Vertical Scale 0.5",
+            "multiple runs, 7 of 9",
+            "factor of safety",
+        ] {
             assert_eq!(factor_in_words(remark), None, "{remark}");
         }
         assert!(is_absolute("pressures are absolute") && is_absolute("Druck absolut"));
-        for remark in ["absolute time", "gauge pressures, not absolute", "absolute error of the pressure 0.1 %", "ABS pipe"] {
+        for remark in
+            ["absolute time", "gauge pressures, not absolute", "absolute error of the pressure 0.1 %", "ABS pipe"]
+        {
             assert!(!is_absolute(remark), "{remark}");
         }
     }

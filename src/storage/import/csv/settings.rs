@@ -4,8 +4,9 @@ use std::borrow::Cow;
 
 use crate::storage::import::csv::heading::{header_unit, is_known_unit, time_unit};
 use crate::storage::import::csv::numbers::Numbers;
-use crate::storage::import::csv::scaled::{changes, factor_in_words, is_absolute, is_sensitivity};
+use crate::storage::import::csv::scaled::{changes, factor_in_words, is_absolute, is_of_transducer};
 use crate::storage::import::csv::stamp::Stamp;
+use crate::storage::import::kinds::is_electric;
 use crate::storage::import::source::Order;
 use crate::storage::import::source::{Repair, SourceOptions, Start};
 
@@ -50,8 +51,16 @@ const RATES: [&str; 14] = [
     "datarate",
 ];
 /// Keys of how many samples stand for one that was written.
-const THINNED: [&str; 8] =
-    ["decimation", "decimationfactor", "downsampling", "downsamplingfactor", "downsample", "skip", "everynth", "reduction"];
+const THINNED: [&str; 8] = [
+    "decimation",
+    "decimationfactor",
+    "downsampling",
+    "downsamplingfactor",
+    "downsample",
+    "skip",
+    "everynth",
+    "reduction",
+];
 /// Keys of the units of columns.
 const UNITS: [&str; 18] = [
     "unit",
@@ -207,18 +216,22 @@ impl Settings {
 
     /// What says that of the device's samples not all were written.
     pub(crate) fn thinned(&self) -> Option<String> {
-        let is_number = |s: &&Setting| s.cells.first().is_some_and(|c| numbers_of(number_of(c).0).iter().any(|n| *n > 1.0));
+        let is_number =
+            |s: &&Setting| s.cells.first().is_some_and(|c| numbers_of(number_of(c).0).iter().any(|n| *n > 1.0));
         let thinned = self.all.iter().filter(|s| THINNED.contains(&s.key.as_str())).find(is_number)?;
         Some(format!("'{} {}'", thinned.name, thinned.cells.join(" ").trim()))
     }
 
     /// Factors and zeros that lines or remarks state of columns, in their words: nobody can tell whether the numbers have them yet.
     pub(crate) fn factors(&self, width: usize, values: &[usize]) -> Vec<(usize, String)> {
-        let transducer = self.all.iter().any(|s| is_sensitivity(&s.key));
+        // what the lines say of volts is how they became what the numbers are in
+        let is_volts = |cell: &String| is_electric(number_of(cell.trim()).1);
+        if self.all.iter().any(|s| is_of_transducer(&s.key) || s.cells.iter().any(is_volts)) {
+            return Vec::new();
+        }
         let of_line = |s: &Setting| -> Vec<(usize, String)> {
-            let is_changed = |(_, cell): &(usize, String)| changes(&s.key, cell) && !(transducer && changes(&s.key, "1"));
-            let told = |(i, cell): (usize, String)| (i, format!("{} {cell}", s.name));
-            s.by_column(width, values).into_iter().filter(is_changed).map(told).collect()
+            let told = |(i, cell): (usize, String)| changes(&s.key, &cell).then(|| (i, format!("{} {cell}", s.name)));
+            s.by_column(width, values).into_iter().filter_map(told).collect()
         };
         let of_remark = |remark: &String| {
             let said = factor_in_words(remark).map(str::to_owned);
