@@ -283,6 +283,8 @@ pub fn minimise_in_view<P: Problem>(
                 clamp(&mut end);
                 model_fall(&DVector::from_iterator(n, end.iter().zip(&x).map(|(e, x)| e - x)))
             };
+            let most_fall =
+                || damped(NO_DAMPING).cholesky().map_or(f64::INFINITY, |factor| 0.5 * rhs.dot(&factor.solve(&rhs)));
             if limits.thorough
                 && let Some(acceleration) =
                     geodesic_acceleration(problem, &x, &residuals, &columns, &free, &scale, &step, &factor)
@@ -318,6 +320,11 @@ pub fn minimise_in_view<P: Problem>(
                         damping = (damping * 0.1).max(1e-12);
                     }
                     break;
+                }
+                // Where even an undamped step beyond all bounds would gain nothing, no shorter one does.
+                _ if limits.thorough && most_fall() <= limits.cost_tolerance * cost => {
+                    stop = Stop::CostSettled;
+                    break 'outer;
                 }
                 _ => {
                     damping *= growth;
