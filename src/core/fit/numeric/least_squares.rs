@@ -389,6 +389,22 @@ mod tests {
         }
     }
 
+    /// In a blunt corner the slope on either side promises little and no step gains anything: a thorough descent does not go on trying.
+    #[test]
+    fn a_descent_ends_where_no_step_can_gain() {
+        let corner = |x: &[f64]| vec![1.0 + 1e-4 * x[0].abs(), x[0]];
+        let problem = Test { f: corner, lower: vec![-5.0], upper: vec![5.0], reach: f64::INFINITY };
+        let ends = |cost_tolerance: f64| {
+            let limits = Limits { cost_tolerance, step_tolerance: 1e-300, thorough: true, ..LIMITS };
+            minimise(&problem, &[0.0], limits, |_, _| {}).unwrap()
+        };
+        let (settled, tried) = (ends(1e-6), ends(1e-9));
+        assert_eq!((settled.stop, settled.x[0]), (Stop::CostSettled, 0.0));
+        assert!(settled.evaluations <= 4, "{}", settled.evaluations);
+        // where the slope promises more than the tolerance, shorter steps are tried
+        assert!(tried.evaluations > 10 && tried.stop == Stop::NoDescent, "{} {:?}", tried.evaluations, tried.stop);
+    }
+
     /// Moré, Garbow & Hillstrom (1981), problem 13: singular Jacobian at the solution (0, 0, 0, 0).
     #[test]
     fn powells_singular_function_is_solved() {
