@@ -283,6 +283,8 @@ pub fn minimise_in_view<P: Problem>(
                 clamp(&mut end);
                 model_fall(&DVector::from_iterator(n, end.iter().zip(&x).map(|(e, x)| e - x)))
             };
+            let most_fall =
+                || damped(NO_DAMPING).cholesky().map_or(f64::INFINITY, |factor| 0.5 * rhs.dot(&factor.solve(&rhs)));
             if limits.thorough
                 && let Some(acceleration) =
                     geodesic_acceleration(problem, &x, &residuals, &columns, &free, &scale, &step, &factor)
@@ -318,6 +320,11 @@ pub fn minimise_in_view<P: Problem>(
                         damping = (damping * 0.1).max(1e-12);
                     }
                     break;
+                }
+                // Where even an undamped step beyond all bounds would gain nothing, no shorter one does.
+                _ if limits.thorough && most_fall() <= limits.cost_tolerance * cost => {
+                    stop = Stop::CostSettled;
+                    break 'outer;
                 }
                 _ => {
                     damping *= growth;
@@ -380,6 +387,22 @@ mod tests {
             let s = minimise(&problem, &[0.0], Limits { iterations, thorough: true, ..LIMITS }, |_, _| {}).unwrap();
             assert!((s.x[0] - end).abs() < 1e-6, "{iterations}: {:?}", s.x);
         }
+    }
+
+    /// In a blunt corner the slope on either side promises little and no step gains anything: a thorough descent does not go on trying.
+    #[test]
+    fn a_descent_ends_where_no_step_can_gain() {
+        let corner = |x: &[f64]| vec![1.0 + 1e-4 * x[0].abs(), x[0]];
+        let problem = Test { f: corner, lower: vec![-5.0], upper: vec![5.0], reach: f64::INFINITY };
+        let ends = |cost_tolerance: f64| {
+            let limits = Limits { cost_tolerance, step_tolerance: 1e-300, thorough: true, ..LIMITS };
+            minimise(&problem, &[0.0], limits, |_, _| {}).unwrap()
+        };
+        let (settled, tried) = (ends(1e-6), ends(1e-9));
+        assert_eq!((settled.stop, settled.x[0]), (Stop::CostSettled, 0.0));
+        assert!(settled.evaluations <= 4, "{}", settled.evaluations);
+        // where the slope promises more than the tolerance, shorter steps are tried
+        assert!(tried.evaluations > 10 && tried.stop == Stop::NoDescent, "{} {:?}", tried.evaluations, tried.stop);
     }
 
     /// Moré, Garbow & Hillstrom (1981), problem 13: singular Jacobian at the solution (0, 0, 0, 0).

@@ -15,14 +15,16 @@ use crate::fit::problem::method::Method;
 use crate::fit::problem::objective::Objective;
 use crate::fit::progress::OnProgress;
 use crate::fit::search::calibrator::{Calibrator, Estimate};
-use crate::fit::search::coarse_fit::{best_of, coarse_fit, grow, mean_square, nested_fit, relocated, residual_summary};
+use crate::fit::search::coarse_fit::{
+    best_of, coarse_fit, grow, is_poor, mean_square, or_from_smaller, relocated, residual_summary,
+};
 use crate::fit::search::finish::{descend, finish, without_descent};
 use crate::fit::search::global::global_search;
 use crate::fit::search::options::Options;
 use crate::fit::search::sensor_choice::with_sensors;
 use crate::fit::search::starts::may_be_anywhere;
 use crate::fit::search::stepwise::{conclude, stepwise};
-use crate::fit::search::thresholds::{COARSE_REACHES, FOLLOWING, LOCKING_REACHES, POOR_FIT_COST};
+use crate::fit::search::thresholds::{COARSE_REACHES, FOLLOWING, LOCKING_REACHES};
 use crate::model::effects::Chosen;
 use crate::model::{Model, check_sensors};
 use crate::rig::Rig;
@@ -63,11 +65,9 @@ pub fn calibrate(
     if let Some(i) = growing {
         chosen[i] = chosen[i].with_elements(known_elements(&ctx, &chosen, i));
     }
-    let mut model = ctx.model(&chosen);
+    let first = ctx.model(&chosen);
     let steps = Mutex::new(Vec::new());
     let search = |model: &Model, smaller: Option<(&Model, &Estimate)>| match options.method {
-        // Whoever asks for a brief fit has the smaller models' fits.
-        Method::LeastSquares if smaller.is_none() && !options.brief => nested_fit(&ctx, model),
         Method::LeastSquares => coarse_fit(&ctx, model, smaller),
         Method::Global | Method::MicroGa | Method::GlobalLocal => Ok(global_search(&ctx, model)?),
         Method::Stepwise => {
@@ -76,21 +76,35 @@ pub fn calibrate(
             Ok(state)
         }
     };
-    let mut state = search(&model, None)?;
-    if let Some(i) = growing {
-        // Where an element is missing, the known ones move to stand in for it. So the search also starts again from where they are known to be.
-        let search_on = |bigger: &Model, model: &Model, state: &Estimate| {
-            let on = search(bigger, Some((model, state)))?;
-            if options.priors.is_empty() {
-                return Ok(on);
+    // Where an element is missing, the known ones move to stand in for it. So the search also starts again from where they are known to be.
+    let search_on = |bigger: &Model, model: &Model, state: &Estimate| {
+        let on = search(bigger, Some((model, state)))?;
+        if options.priors.is_empty() {
+            return Ok(on);
+        }
+        let anew = search(bigger, None)?;
+        Ok(if anew.cost < on.cost { anew } else { on })
+    };
+    let whole = |begun: Estimate| {
+        let first = (ctx.model(&chosen), begun);
+        let Some(i) = growing else { return Ok(first) };
+        grow_while_evident(&ctx, first, i, effects[i].elements, search_on)
+    };
+    let begun = search(&first, None)?;
+    let (mut model, mut state) = whole(begun.clone())?;
+    // Whoever asks for a brief fit has the smaller models' fits.
+    if options.method == Method::LeastSquares && !options.brief && is_poor(&ctx, &model, &state) {
+        let better = or_from_smaller(&ctx, &first, begun.clone())?;
+        if better.cost < begun.cost {
+            let (other, there) = whole(better)?;
+            let left = |model, state| residual_summary(&ctx, model, state);
+            if left(&other, &there)?.evidence_over(&left(&model, &state)?) > 0.0 {
+                (model, state) = (other, there);
             }
-            let anew = search(bigger, None)?;
-            Ok(if anew.cost < on.cost { anew } else { on })
-        };
-        (model, state) = grow_while_evident(&ctx, (model, state), i, effects[i].elements, search_on)?;
+        }
     }
     let located = model.effects.iter().any(may_be_anywhere);
-    let doubtful = model.effects != chosen || mean_square(&ctx, &model, &state) > 2.0 * POOR_FIT_COST;
+    let doubtful = model.effects != chosen || is_poor(&ctx, &model, &state);
     if located && doubtful && options.method == Method::LeastSquares {
         // Where a place cannot be simulated, the fit stays as it is.
         state = relocated(&ctx, &model, &state.values).unwrap_or(state);

@@ -15,6 +15,7 @@ use crate::model::{Model, ModelError};
 use crate::rig::{Rig, WaterProperties};
 
 /// Where a fit of one model stands.
+#[derive(Clone)]
 pub(crate) struct Estimate {
     /// Values of all variables: shared ones first, then each run's.
     pub(crate) values: Vec<f64>,

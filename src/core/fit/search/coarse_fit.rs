@@ -44,17 +44,15 @@ pub(crate) fn coarse_fit(
     if start.cost < found.cost { best_of(ctx, model, &[base, found.values]) } else { Ok(found) }
 }
 
-/// Fits a model on a coarse grid from the signals, and where that leaves it poor, from each smaller model that it contains: a model that contains another
-/// never ends worse.
-pub(crate) fn nested_fit(ctx: &Calibrator, model: &Model) -> Result<Estimate, FitError> {
-    let mut best = coarse_fit(ctx, model, None)?;
+/// A coarse fit, and where that is poor, the model fitted on from each smaller model that it contains: a model that contains another never ends worse.
+pub(crate) fn or_from_smaller(ctx: &Calibrator, model: &Model, mut best: Estimate) -> Result<Estimate, FitError> {
     for i in 0..model.effects.len() {
-        if mean_square(ctx, model, &best) < 2.0 * POOR_FIT_COST {
+        if !is_poor(ctx, model, &best) {
             break;
         }
         let rest = model.effects.iter().enumerate().filter(|(k, _)| *k != i).map(|(_, effect)| effect.clone());
         let smaller = ctx.model(&rest.collect::<Vec<_>>());
-        let state = nested_fit(ctx, &smaller)?;
+        let state = or_from_smaller(ctx, &smaller, coarse_fit(ctx, &smaller, None)?)?;
         let on = grow(ctx, model, &smaller, &state)?;
         if on.cost < best.cost {
             best = on;
@@ -230,6 +228,11 @@ fn attempt(
 pub(crate) fn mean_square(ctx: &Calibrator, model: &Model, state: &Estimate) -> f64 {
     let problem = FitProblem::new(model, ctx.runs, ctx.window(COARSE_REACHES, f64::INFINITY));
     2.0 * state.cost / problem.samples().max(1) as f64
+}
+
+/// Whether a coarse fit is too poor to grow a richer one from.
+pub(crate) fn is_poor(ctx: &Calibrator, model: &Model, state: &Estimate) -> bool {
+    mean_square(ctx, model, state) > 2.0 * POOR_FIT_COST
 }
 
 /// The residuals of a coarse fit, summarised.
