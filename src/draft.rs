@@ -20,6 +20,7 @@ use crate::signal::{Features, SensorFeatures, inspect};
 use crate::storage::import::{
     Repair, SourceFile, SourceOptions, Track, bind, is_electric, is_nameless, kind_of, kind_of_name,
 };
+use crate::storage::nearest::listed;
 use crate::units::{GRAVITY_M_S2, Quantity, UNITS, Unit};
 
 /// Units of a pressure that states none, and up to which median it is taken for each: a laboratory's line has 0.5 to 20 bar.
@@ -171,7 +172,7 @@ pub fn sensors_of(file: &SourceFile, draft: &Draft, said: &Said) -> (Vec<DraftSe
     for (i, _) in &unstated {
         sensors[*i].unit = match unit {
             Some(given) => Told::given(given),
-            None => guessed_pressure(largest, format!("no unit is stated; the medians are {}", medians.join(", "))),
+            None => guessed_pressure(largest, format!("no unit is stated; the medians are {}", listed(&medians))),
         };
     }
     (sensors, others)

@@ -5,7 +5,7 @@ use crate::rig::draft::{Draft, DraftSensor, Told};
 use crate::rig::material::{MATERIALS, Material};
 use crate::rig::{SensorKind, spelled_unit};
 use crate::storage::import::{SourceFile, Track, is_electric};
-use crate::storage::nearest::nearest;
+use crate::storage::nearest::{listed, nearest};
 use crate::units::written::{measure, number};
 use crate::units::{Quantity, Unit};
 
@@ -145,7 +145,7 @@ pub enum Amiss {
     #[error("{0} is not known yet")]
     Open(&'static str),
     /// No column is a pressure.
-    #[error("no column looks like a pressure; the columns are {}. Of one that is, give {}", .columns.join(", "), .remedies.join("; "))]
+    #[error("no column looks like a pressure; the columns are {}. Of one that is, give {}", listed(.columns), .remedies.join("; "))]
     NoPressure {
         /// The columns that are no sensor.
         columns: Vec<String>,

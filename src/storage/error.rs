@@ -362,6 +362,20 @@ pub enum CsvProblem {
         /// Their step, s.
         step_s: String,
     },
+    /// Two clocks of one table of which one must be in another unit.
+    #[error(
+        "'{device}' runs for {device_s} s, and '{host}' for {host_s} s: one of them is in another unit than it says; leave the wrong one out, as in option `ignore '{device}'`, or correct its heading"
+    )]
+    ClocksApart {
+        /// The heading of the device's clock, and how long it runs, s.
+        device: String,
+        /// See `device`.
+        device_s: String,
+        /// The heading of the date-times, and how long they run, s.
+        host: String,
+        /// See `host`.
+        host_s: String,
+    },
     /// A number without the unit that stands behind the others.
     #[error(
         "column '{column}': '{cell}' is not in '{unit}', as the numbers above say they are: write one unit throughout"

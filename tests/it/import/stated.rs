@@ -162,3 +162,29 @@ fn a_column_with_the_name_of_a_sensor_is_one() {
     assert!(code == 2 && said.contains("Valve, Middle") && said.contains("--unit"), "{code}: {said}");
     assert_eq!(run(&folder, &[&new[..], &["--unit", "bar"]].concat()).0, 0);
 }
+
+/// What a column of states says of a row is heeded: a value that it calls bad is missing.
+#[test]
+fn a_value_that_its_quality_calls_bad_is_missing() {
+    let state = |i: usize| if (20..23).contains(&i) { "Bad" } else { "Good" };
+    let head = "time_s,Valve (bar),Valve Quality,Middle (bar),Middle Quality\n";
+    let file = read(&table(head, |i, a, b| format!("{:.3},{a:.4},{},{b:.4},Good", 1e-3 * i as f64, state(i)))).unwrap();
+    assert_eq!([0, 1].map(|which| file.tracks[which].series.value.len()), [ROWS - 3, ROWS]);
+    assert!(file.repairs.iter().any(|r| r.lost && r.text.contains("'Bad' 3 ×")), "{:?}", file.repairs);
+    assert!(!file.repairs.iter().any(|r| r.text.contains("left out")), "{:?}", file.repairs);
+}
+
+/// A clock that runs for another time than the date-times beside it is in another unit than it says, as WinCC's `Time_ms`, which are days.
+#[test]
+fn two_clocks_of_one_table_must_agree() {
+    let row = |per_s: f64| {
+        move |i: usize, a: f64, b: f64| {
+            let t = 0.1 * i as f64;
+            format!("2026-03-14 09:26:{:06.3},{:.6},{a:.4},{b:.4}", 10.0 + t, per_s * t)
+        }
+    };
+    let head = "TimeString,Time_ms,Valve (bar),Middle (bar)\n";
+    let said = read(&table(head, row(11.574))).unwrap_err();
+    assert!(said.contains("'Time_ms' runs for 0.0683 s, and 'TimeString' for 5.90 s"), "{said}");
+    assert_eq!(read(&table(head, row(1e3))).unwrap().tracks.len(), 2);
+}

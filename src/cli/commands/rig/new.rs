@@ -28,6 +28,7 @@ use crate::rig::sizes::{EXAMPLES, PipeSize, pipe_size};
 use crate::rig::{Rig, Sensor, SensorKind, quantity_of, spelled_unit};
 use crate::shown::Shown as _;
 use crate::storage::import::{Line, SourceFile, SourceOptions, check_names, read_source};
+use crate::storage::nearest::listed;
 use crate::storage::{LogError, output};
 use crate::units::written::measure;
 use crate::units::{Quantity, Unit};
@@ -251,7 +252,7 @@ fn unstated_units(sensors: &[DraftSensor]) -> Option<String> {
     };
     // a unit that is written and not known is for nobody to replace
     let written = |s: &&DraftSensor| s.unit.why.starts_with(WRITTEN);
-    let pressures: Vec<&str> = open(true).filter(|s| !written(s)).map(|s| s.name.as_str()).collect();
+    let pressures: Vec<String> = open(true).filter(|s| !written(s)).map(|s| s.name.clone()).collect();
     let mut remedies: Vec<String> = Vec::new();
     remedies.extend(open(true).filter(written).map(|s| {
         let name = &s.name;
@@ -260,8 +261,7 @@ fn unstated_units(sensors: &[DraftSensor]) -> Option<String> {
         )
     }));
     if !pressures.is_empty() {
-        remedies
-            .push(format!("that of the pressures ({}) with --unit (bar, kPa, psi, m(H2O), …)", pressures.join(", ")));
+        remedies.push(format!("that of the pressures ({}) with --unit (bar, kPa, psi, m(H2O), …)", listed(&pressures)));
     }
     remedies.extend(open(false).map(|s| {
         let (kind, name, usual) = (s.kind.name(), &s.name, s.unit.value.symbol);

@@ -594,11 +594,18 @@ fn names_line<'t>(
             headings.swap(0, 1);
             0
         }
-        Some(units) => units.saturating_sub(1),
+        // `f8 f8 f8` names nothing
+        Some(units) => (0..units).rev().find(|&at| !is_one_word(&cells_at(headings[at]))).unwrap_or(0),
         None => headings.len().checked_sub(1 + headings.iter().rev().take_while(|&&at| is_process(at)).count())?,
     };
     headings.drain(..names);
     headings.first().copied()
+}
+
+/// Whether all of several cells hold the same word.
+fn is_one_word(cells: &[Cow<'_, str>]) -> bool {
+    let filled: Vec<&Cow<'_, str>> = cells.iter().filter(|c| !c.is_empty()).collect();
+    filled.len() > 1 && filled.iter().all(|c| *c == filled[0])
 }
 
 fn without_brackets(cell: &str) -> &str {

@@ -26,6 +26,7 @@ pub(crate) mod rows;
 pub(crate) mod scaled;
 pub(crate) mod settings;
 pub(crate) mod stamp;
+pub(crate) mod states;
 pub(crate) mod table;
 pub(crate) mod text;
 pub(crate) mod timeless;
@@ -45,6 +46,7 @@ use crate::storage::import::csv::roles::roles;
 use crate::storage::import::csv::row::is_row;
 use crate::storage::import::csv::rows::{Rows, Timed};
 use crate::storage::import::csv::stamp::order_shown;
+use crate::storage::import::csv::states::States;
 use crate::storage::import::csv::table::column_series;
 use crate::storage::import::csv::text::{check_lines, decode};
 use crate::storage::import::source::{Repair, SourceFile, SourceOptions, Start, Track};
@@ -139,8 +141,10 @@ fn table(
         let lost = !extremes.iter().all(is_ignored);
         repairs.push(Repair { lost, ..Repair::new("extremes", extremes.len(), None, text) });
     }
+    let states = States::find(&names.iter().map(|(_, name)| name.clone()).collect::<Vec<_>>(), &found.words, &values);
+    let is_left = |i: &&usize| !is_key(**i) && !states.has(**i);
     let worded: Vec<&str> =
-        found.words.iter().filter(|i| !is_key(**i)).map(|&i| names[i].0.as_str()).filter(|n| !n.is_empty()).collect();
+        found.words.iter().filter(is_left).map(|&i| names[i].0.as_str()).filter(|n| !n.is_empty()).collect();
     if !worded.is_empty() {
         let text = format!("left out, because they hold words or nothing: {}", worded.join(", "));
         repairs.push(Repair::new("words", worded.len(), None, text));
@@ -170,7 +174,7 @@ fn table(
             .map_err(|p| (header_at, Box::new(p)))?;
         let grouped =
             columns.values.iter().map(|&i| own(i).map(|mark| Numbers::new(layout.separator, Some(mark)))).collect();
-        timed.push(Timed::new(clock, columns.values.clone(), grouped));
+        timed.push(Timed::new(clock, columns.values.clone(), grouped, &states));
     }
     let mut spellings = Spellings::default();
     let rows = Rows { layout: &layout, lines: all, cut };
@@ -180,7 +184,7 @@ fn table(
     let mut start: Option<Start> = None;
     let many = timed.len() > 1;
     let stated = if many { layout.settings.own_starts(layout.columns.len(), &values, options) } else { Vec::new() };
-    for Timed { mut clock, mut table, timeless, values, grouped } in timed {
+    for Timed { mut clock, mut table, timeless, values, grouped, .. } in timed {
         repairs.extend(grouped.iter().flatten().flat_map(Numbers::repairs));
         if table.time_s.is_empty() {
             continue;

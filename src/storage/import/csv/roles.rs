@@ -8,8 +8,10 @@ use crate::storage::import::csv::heading::{
 };
 use crate::storage::import::csv::layout::{Column, Layout};
 use crate::storage::import::csv::looks::{EVEN, Looks, median_step, take_unit_columns};
+use crate::storage::import::csv::stamp::Stamp;
 use crate::storage::import::kinds::{is_electric, is_unit, kind_of_name};
 use crate::storage::import::source::{Repair, SourceOptions};
+use crate::storage::nearest::listed;
 
 /// A logger of water hammer takes so many samples a second, and runs no longer than so many seconds.
 const RATES_HZ: [f64; 2] = [50.0, 2e5];
@@ -20,6 +22,10 @@ const LEAST_A_PERIOD: f64 = 20.0;
 const UNITS: [(&str, f64); 6] = [("s", 1.0), ("ms", 1e-3), ("d", 86_400.0), ("us", 1e-6), ("min", 60.0), ("ns", 1e-9)];
 /// No logger of a test waits longer between two samples, s.
 const LONGEST_STEP_S: f64 = 60.0;
+/// Two clocks whose lengths differ by this factor are in two units: the nearest two of time are 24 apart.
+const OTHER_UNIT: f64 = 5.0;
+/// A clock that runs for fewer of its digits says nothing of its unit.
+const LEAST_DIGITS: f64 = 2.0;
 /// Times since 1970 lie between 2001 and 2100, s.
 const SINCE_1970_S: [f64; 2] = [1e9, 4.1e9];
 
@@ -179,6 +185,9 @@ impl Finder<'_, '_> {
             }
             vec![self.counted(1.0 / rate_hz, host.as_ref(), None, &mut repairs)]
         } else if !device.is_empty() {
+            if let Some(problem) = self.clocks_apart(&device, host.as_ref()) {
+                return Err(problem);
+            }
             self.device_clocks(&device, host.as_ref(), &mut repairs)
         } else if let Some(clock) = self.since_1970().filter(|_| self.options.time_unit_s.is_none()) {
             vec![clock]
@@ -417,6 +426,30 @@ impl Finder<'_, '_> {
         })
     }
 
+    /// The device's clock and the computer's run for the same time, or one of them is in another unit.
+    fn clocks_apart(&self, device: &[usize], host: Option<&Clock>) -> Option<CsvProblem> {
+        let time = host?.time?;
+        let stamps: Vec<Stamp> = self
+            .layout
+            .column(time)
+            .filter_map(|cell| match Cell::of(cell) {
+                Cell::Stamp(stamp) if stamp.has_time && !stamp.in_hour => Some(stamp),
+                _ => None,
+            })
+            .collect();
+        let [first, .., last] = &stamps[..] else { return None };
+        let host_s = last.seconds_of_day() - first.seconds_of_day();
+        let lasts = |&i: &usize| Some((i, self.stated_unit(i)? * (self.values(i).last()? - self.values(i).first()?)));
+        let (device, device_s) = device.iter().filter_map(lasts).next()?;
+        let is_fine = host_s > LEAST_DIGITS * first.digit_s && device_s > 0.0;
+        (is_fine && (device_s / host_s).ln().abs() > OTHER_UNIT.ln()).then(|| CsvProblem::ClocksApart {
+            device: self.column(device).heading.clone(),
+            device_s: significant(device_s, 3),
+            host: self.column(time).heading.clone(),
+            host_s: significant(host_s, 3),
+        })
+    }
+
     /// A stated interval that is not that of the times: of two statements the times count.
     fn interval_contradicted(&self, time: usize, unit_s: f64) -> Option<Repair> {
         let (stated_s, said) = self.interval_s()?;
@@ -467,7 +500,7 @@ impl Finder<'_, '_> {
                 String::from("; if there is one sample after the other, give their rate with option `rate`")
             }
         };
-        let columns = self.layout.columns.iter().map(|c| c.heading.as_str()).collect::<Vec<_>>().join(", ");
+        let columns = listed(&self.layout.columns.iter().map(|c| c.heading.clone()).collect::<Vec<_>>());
         CsvProblem::NoTimes { named: text, counted: times.is_none(), columns }
     }
 

@@ -7,10 +7,11 @@ use crate::storage::import::csv::cell::Cell;
 use crate::storage::import::csv::clock::Clock;
 use crate::storage::import::csv::layout::{Layout, cells};
 use crate::storage::import::csv::lines::Line;
-use crate::storage::import::csv::missing::{Spellings, is_missing};
+use crate::storage::import::csv::missing::{Spellings, is_missing, missing};
 use crate::storage::import::csv::numbers::Numbers;
 use crate::storage::import::csv::row::{Row, is_row};
 use crate::storage::import::csv::settings::Settings;
+use crate::storage::import::csv::states::{States, is_bad};
 use crate::storage::import::csv::table::Table;
 use crate::storage::import::csv::timeless::{Timeless, is_no_time};
 use crate::storage::import::source::{Repair, SourceOptions, counted};
@@ -46,12 +47,15 @@ pub(crate) struct Timed {
     pub(crate) values: Vec<usize>,
     /// Readers of those that have a mark between their thousands.
     pub(crate) grouped: Vec<Option<Numbers>>,
+    /// Columns that say in each row whether a value is one.
+    pub(crate) states: Vec<Option<usize>>,
 }
 
 impl Timed {
-    pub(crate) fn new(clock: Clock, values: Vec<usize>, grouped: Vec<Option<Numbers>>) -> Timed {
+    pub(crate) fn new(clock: Clock, values: Vec<usize>, grouped: Vec<Option<Numbers>>, states: &States) -> Timed {
         let table = Table { columns: vec![Vec::new(); values.len()], ..Table::default() };
-        Timed { clock, table, timeless: Timeless::default(), values, grouped }
+        let states = values.iter().map(|value| states.of(*value)).collect();
+        Timed { clock, table, timeless: Timeless::default(), values, grouped, states }
     }
 }
 
@@ -155,10 +159,14 @@ impl<'t> Rows<'_, 't> {
             timed.table.time_s.push(time_s);
             timed.table.line.push(line);
         }
-        for ((&i, column), grouped) in timed.values.iter().zip(&mut timed.table.columns).zip(&mut timed.grouped) {
-            let cell = row.get(i).unwrap_or_default();
+        let columns_of = timed.values.iter().zip(&mut timed.table.columns).zip(&mut timed.grouped);
+        for (((&i, column), grouped), state) in columns_of.zip(&timed.states) {
+            let mut cell = row.get(i).unwrap_or_default();
             // what has no time must be numbers all the same: a row of units is no line of samples
-            let value = grouped.as_mut().unwrap_or(numbers).read(cell, &columns[i].heading)?;
+            let mut value = grouped.as_mut().unwrap_or(numbers).read(cell, &columns[i].heading)?;
+            if let Some(state) = state.and_then(|at| row.get(at)).filter(|state| is_bad(state)) {
+                (cell, value) = (state, missing());
+            }
             if is_missing(value) {
                 spellings.count(cell, line);
             }
