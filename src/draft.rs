@@ -9,8 +9,9 @@ use std::path::Path;
 
 use crate::number::{duration, significant};
 use crate::recording::Recording;
+use crate::rig::check::ATMOSPHERE_PA;
 use crate::rig::draft::{Draft, DraftSensor, Told};
-use crate::rig::{Rig, SensorKind, quantity_of};
+use crate::rig::{Coupling, Rig, SensorKind, quantity_of};
 use crate::robust::median;
 use crate::signal::doubts::doubts;
 use crate::signal::faults::{Fault, SensorFault, in_words, sensor_faults};
@@ -42,6 +43,9 @@ pub const WRITTEN: &str = "the file has it in";
 pub const LIKE_THE_AIR: &str = "no front passes it, and it stays at the pressure of the air";
 /// Pressures of the air, Pa, and those of a sensor in it that counts from them.
 const AIR_PA: [std::ops::Range<f64>; 2] = [8.5e4..1.1e5, -5e3..5e3];
+
+/// A transducer that rings may show less than a vacuum by this factor of the atmosphere.
+const BELOW_VACUUM: f64 = 1.3;
 
 /// Two wave speeds agree within this factor: creep and a leak lower the first rise.
 const SAME_RISE: f64 = 1.5;
@@ -306,12 +310,24 @@ pub fn misread(rig: &Rig, file: &SourceFile, source: &SourceOptions) -> Option<S
         source.scales.iter().any(|(said, _)| said == name || track.is_some_and(|track| track.is_called(said)))
     };
     let is_strange = |fault: &SensorFault| matches!(fault.fault, Fault::Inverted | Fault::WrongUnit);
-    let mut faults = sensor_faults(&recording);
-    faults.retain(|fault| is_strange(fault) && !is_said(&fault.sensor));
-    let first = &faults.first()?.sensor;
-    let unit = rig.sensors.iter().find(|s| s.name == *first)?.unit.symbol;
-    let told: Vec<String> =
-        faults.iter().map(|f| format!("sensor {} is {}: {}", f.sensor, f.fault.words(), f.says)).collect();
+    let faults = sensor_faults(&recording);
+    let mut strange: Vec<(&str, String)> = Vec::new();
+    for fault in faults.iter().filter(|fault| is_strange(fault)) {
+        strange.push((&fault.sensor, format!("sensor {} is {}: {}", fault.sensor, fault.fault.words(), fault.says)));
+    }
+    let density = rig.fluid.properties(rig.fluid.temperature_degc).density_kg_m3;
+    for (i, sensor) in rig.pressure_sensors().filter(|(_, s)| s.coupling == Coupling::Dc) {
+        let lowest = recording.series[i].value.iter().copied().fold(f64::INFINITY, f64::min);
+        let is_none = sensor.unit.to_si(lowest, density) < -BELOW_VACUUM * ATMOSPHERE_PA;
+        if is_none && strange.iter().all(|(name, _)| *name != sensor.name) {
+            let says = "less than a vacuum; empty its cell where it stands for no value";
+            strange.push((&sensor.name, format!("sensor {} shows {lowest} {}, {says}", sensor.name, sensor.unit)));
+        }
+    }
+    strange.retain(|(name, _)| !is_said(name));
+    let first = strange.first()?.0;
+    let unit = rig.sensors.iter().find(|s| s.name == first)?.unit.symbol;
+    let told: Vec<&str> = strange.iter().map(|(_, says)| says.as_str()).collect();
     Some(format!(
         "{}. Say what its numbers stand for with option `scale '{first}=FACTOR*x {unit}'` and its number, keep them as they are with option `scale '{first}={unit}'`, or leave it out with option `ignore '{first}'`",
         told.join("; ")

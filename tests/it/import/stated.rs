@@ -149,6 +149,14 @@ fn a_setpoint_is_left_out_and_a_wrong_sign_is_asked_about() {
     let new = [&["rig", "new", "sign.csv", "-o", "sign.toml"], &PIPE[..]].concat();
     let (code, _, said) = run(&folder, &new);
     assert!(code == 2 && said.contains("inverted") && said.contains("--scale 'Valve=FACTOR*x bar'"), "{code}: {said}");
+    let stray = tested("Time (s),Valve (bar),Middle (bar)\n", |value| format!("{value:.4}")).replacen(
+        "\n2.000,",
+        "\n2.000,-50",
+        1,
+    );
+    std::fs::write(folder.path().join("stray.csv"), stray).unwrap();
+    let (code, _, said) = run(&folder, &[&["rig", "new", "stray.csv", "-o", "stray.toml"], &PIPE[..]].concat());
+    assert!(code == 2 && said.contains("less than a vacuum"), "{code}: {said}");
     let turned = ["--scale", "Valve=-1*x bar", "--scale", "Middle=-1*x bar"];
     assert_eq!(run(&folder, &[&new[..], &turned].concat()).0, 0);
 }
