@@ -18,6 +18,7 @@ use crate::signal::faults::{Fault, SensorFault, in_words, sensor_faults};
 use crate::signal::levels::temperature_degc;
 use crate::signal::window::used;
 use crate::signal::{Features, SensorFeatures, inspect};
+use crate::storage::import::unit_warnings::PLAUSIBLE_PA;
 use crate::storage::import::{
     Repair, SourceFile, SourceOptions, Track, bind, is_electric, is_nameless, kind_of, kind_of_name,
 };
@@ -44,8 +45,8 @@ pub const LIKE_THE_AIR: &str = "no front passes it, and it stays at the pressure
 /// Pressures of the air, Pa, and those of a sensor in it that counts from them.
 const AIR_PA: [std::ops::Range<f64>; 2] = [8.5e4..1.1e5, -5e3..5e3];
 
-/// A transducer that rings may show less than a vacuum by this factor of the atmosphere.
-const BELOW_VACUUM: f64 = 1.3;
+/// A transducer that rings, or whose zero is off, may show less than a vacuum, but not so many atmospheres below that of the day.
+const BELOW_VACUUM: f64 = 2.0;
 
 /// Two wave speeds agree within this factor: creep and a leak lower the first rise.
 const SAME_RISE: f64 = 1.5;
@@ -317,6 +318,12 @@ pub fn misread(rig: &Rig, file: &SourceFile, source: &SourceOptions) -> Option<S
     }
     let density = rig.fluid.properties(rig.fluid.temperature_degc).density_kg_m3;
     for (i, sensor) in rig.pressure_sensors().filter(|(_, s)| s.coupling == Coupling::Dc) {
+        let mut values = recording.series[i].value.clone();
+        let level = if values.is_empty() { 0.0 } else { median(&mut values) };
+        if sensor.unit.to_si(level, density) > PLAUSIBLE_PA[1] && strange.iter().all(|(name, _)| *name != sensor.name) {
+            let says = "more than a laboratory pipe withstands";
+            strange.push((&sensor.name, format!("sensor {} shows {level} {}, {says}", sensor.name, sensor.unit)));
+        }
         let lowest = recording.series[i].value.iter().copied().fold(f64::INFINITY, f64::min);
         let is_none = sensor.unit.to_si(lowest, density) < -BELOW_VACUUM * ATMOSPHERE_PA;
         if is_none && strange.iter().all(|(name, _)| *name != sensor.name) {

@@ -175,6 +175,14 @@ pub enum CsvProblem {
     /// A header and no line under it.
     #[error("there is a header but no line of samples under it")]
     HeaderOnly,
+    /// A file of another kind.
+    #[error("this is {what}, no table: {doing}")]
+    OtherKind {
+        /// What it is.
+        what: &'static str,
+        /// What to do with it.
+        doing: &'static str,
+    },
     /// Bytes that are not text.
     #[error("not UTF-8 text{hint}: save it as a CSV in UTF-8")]
     NotUtf8 {
@@ -281,7 +289,7 @@ pub enum CsvProblem {
     TimeOutOfRange(String),
     /// Times that run backwards or repeat.
     #[error(
-        "column 'time_s': {time} does not come after {previous} of line {previous_line}; times must increase from line to line: sort the file, or split it where two runs were joined"
+        "column 'time_s': {time} does not come after {previous} of line {previous_line}; times must increase from line to line: if another run begins here, split the file; if the clock was set back, leave it out with option `ignore` and give option `rate`"
     )]
     TimeNotIncreasing {
         /// The time of this line, as written.
@@ -390,7 +398,7 @@ pub enum CsvProblem {
     },
     /// Headings of other columns among the rows.
     #[error(
-        "other headings stand in this line: another table begins here; cut the file in two, and import each part alone"
+        "other headings stand in this line: another table begins here; cut the file in two, and name both files in one import if they are one run"
     )]
     AnotherTable,
     /// A row above the first one that can be read.

@@ -166,7 +166,7 @@ fn read_unit(section: &Section<'_>, kind: Option<SensorKind>) -> Option<Unit> {
 }
 
 /// Other spellings of units, in lower case and without signs.
-const OTHER_SPELLINGS: [(&str, &str); 69] = [
+const OTHER_SPELLINGS: [(&str, &str); 71] = [
     ("c", "degC"),
     ("celsius", "degC"),
     ("kelvin", "K"),
@@ -214,6 +214,8 @@ const OTHER_SPELLINGS: [(&str, &str); 69] = [
     ("decibar", "dbar"),
     ("hectopascal", "hPa"),
     ("at", "kgf/cm2"),
+    ("atü", "kgf/cm2"),
+    ("knm2", "kPa"),
     ("kpcm2", "kgf/cm2"),
     ("mca", "m(H2O)"),
     ("mwg", "m(H2O)"),

@@ -42,8 +42,13 @@ pub(crate) fn pressure_unit(name: &str, text: &str) -> Option<(Unit, bool)> {
     let without = |ends: &[&str]| ends.iter().find_map(|end| bare.strip_suffix(end));
     // milliamperes are no metres
     let of = |ends| without(ends).filter(|unit| *unit != "m").and_then(|unit| spelled_unit(unit, Quantity::Pressure));
-    let absolute = of(&["absolute", "absolut", "abs", "a"]).map(|unit| (unit, true));
-    absolute.or_else(|| Some((of(&["gauge", "relative", "relativ", "rel", "überdruck", "g"])?, named)))
+    let absolute = of(&["absolute", "absolut", "assoluta", "abs", "ass", "a"]).map(|unit| (unit, true));
+    absolute.or_else(|| Some((of(&["gauge", "relative", "relativ", "rel", "überdruck", "изб", "g"])?, named)))
+}
+
+/// Whether a unit counts from the vacuum by itself: `bar abs`, `psia`.
+pub(crate) fn is_absolute_unit(text: &str) -> bool {
+    text.len() > 3 && pressure_unit("", text).is_some_and(|(_, absolute)| absolute)
 }
 
 /// Whether a text behind a name is the unit of a pressure, a flow or a temperature.
@@ -59,13 +64,21 @@ pub(crate) fn quantity_of_unit(text: &str) -> Option<Quantity> {
     pressure.or_else(|| other.into_iter().find(|quantity| spelled_unit(text, *quantity).is_some()))
 }
 
+/// How words for it begin in the languages of Europe, and words for it where they stand without blanks.
+const ABSOLUTE: [&str; 12] =
+    ["absol", "abspr", "absdr", "absp", "assolut", "bezwzgl", "mutlak", "абс", "απολυτ", "απόλυτ", "απολύτ", "abszol"];
+const ABSOLUTE_SIGNS: [&str; 3] = ["绝", "絶対", "절대"];
+
 /// Whether a name says that its pressure counts from the vacuum: `Abs Pres`, `p_abs`, `Pabs`, `P1abs`, `AbsPress1`, `absolut`. ABS is also the wall of
 /// a pipe.
-fn is_absolute_name(name: &str) -> bool {
+pub(crate) fn is_absolute_name(name: &str) -> bool {
+    if ABSOLUTE_SIGNS.iter().any(|sign| name.contains(sign)) {
+        return true;
+    }
     name.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).any(|word| {
         let lower = word.to_lowercase();
         let bare = lower.trim_end_matches(|c: char| c.is_ascii_digit());
-        let begins = ["absol", "abspr", "absdr", "absp"].iter().any(|begin| lower.starts_with(begin));
+        let begins = ABSOLUTE.iter().any(|begin| lower.starts_with(begin));
         let ends = bare.strip_suffix("abs").is_some_and(|rest| rest.starts_with('p') && rest.len() <= 3);
         begins || ends || (bare == "abs" && word != "ABS")
     })

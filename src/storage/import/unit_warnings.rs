@@ -7,7 +7,7 @@ use crate::storage::import::source::Repair;
 use crate::units::Unit;
 
 /// Steady gauge pressures of a laboratory lie between a hand of water and two hundred bar, Pa.
-const PLAUSIBLE_PA: [f64; 2] = [1e3, 2e7];
+pub(crate) const PLAUSIBLE_PA: [f64; 2] = [1e3, 2e7];
 /// Two sensors of one pipe whose steady pressures differ by more than this factor are in doubt.
 const FAR_APART: f64 = 5.0;
 /// Units that are proposed: the others are near one of them.

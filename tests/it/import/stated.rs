@@ -17,6 +17,9 @@ fn a_factor_or_a_zero_beside_the_table_is_asked_for() {
         "Channel,Valve,Middle\nUnit,bar,bar\nOffset,1.5,1.5\ntime_s,Valve,Middle\n",
         "# slope 0.1, intercept 0\ntime_s,Valve (bar),Middle (bar)\n",
         "# raw values are tenths of a bar\ntime_s,Valve (bar),Middle (bar)\n",
+        "time_s,Valve (bar),Middle (bar)\nFactor,0.1,0.1\n",
+        "# unit: 0.1 bar\ntime_s,Valve (bar),Middle (bar)\n",
+        "# all pressures x10\ntime_s,Valve (bar),Middle (bar)\n",
         "# multiply pressures by 0.1\ntime_s,Valve (bar),Middle (bar)\n",
         "time,Valve,Middle\ns,bar,bar\n,x0.1,x0.1\n",
         "time,Valve,Middle\ns,bar,bar\nREAL,INT*10,INT*10\n",
@@ -195,4 +198,24 @@ fn two_clocks_of_one_table_must_agree() {
     let said = read(&table(head, row(11.574))).unwrap_err();
     assert!(said.contains("'Time_ms' runs for 0.0683 s, and 'TimeString' for 5.90 s"), "{said}");
     assert_eq!(read(&table(head, row(1e3))).unwrap().tracks.len(), 2);
+}
+
+/// A remark among the samples that something changed is shown, and costs exit code 3; another one is shown.
+#[test]
+fn remarks_among_the_samples_are_shown() {
+    let with = |remark: &str| {
+        let row = |i: usize, a: f64, b: f64| {
+            let remark = if i == 30 { format!("# {remark}\n") } else { String::new() };
+            format!("{remark}{:.3},{a:.4},{b:.4}", 1e-3 * i as f64)
+        };
+        read(&table("time_s,Valve (bar),Middle (bar)\n", row)).unwrap()
+    };
+    for (remark, lost) in [("gain changed: values below must be doubled", true), ("valve closed by hand", false)] {
+        let file = with(remark);
+        assert!(
+            file.repairs.iter().any(|r| r.lost == lost && r.line == Some(32) && r.text.contains(remark)),
+            "{:?}",
+            file.repairs
+        );
+    }
 }

@@ -6,6 +6,7 @@ use crate::storage::import::arrays::contents::{Array, Contents};
 use crate::storage::import::arrays::times::{
     self, Belongs, Step, is_time, label_of, parent, rises, short, step_of, time_of, unit_of,
 };
+use crate::storage::import::csv::scaled::{changes, factor_in_words, is_absolute, is_absolute_by};
 use crate::storage::import::source::Repair;
 use crate::storage::import::tables::Tables;
 
@@ -94,8 +95,24 @@ pub(crate) fn tables_of_arrays(contents: Contents) -> Result<Tables, String> {
         }
     }
     let columns: Vec<&Array> = tables.iter().flat_map(|t| t.arrays.iter().copied()).collect();
-    let texts = tables.iter().map(|t| (t.arrays[0].name.clone(), t.text(&columns, texts))).collect();
+    let stated = stated(arrays, texts);
+    let texts = tables.iter().map(|t| (t.arrays[0].name.clone(), stated.clone() + &t.text(&columns, texts))).collect();
     Ok(Tables { texts, repairs, left_out, paths: true })
+}
+
+/// Attributes that change the numbers or say where they count from, as remarks above the table.
+fn stated(arrays: &[Array], texts: &[(String, String)]) -> String {
+    let numbers = arrays.iter().filter(|a| a.samples() == 1).map(|a| (&a.name, a.columns[0][0].to_string()));
+    let all = numbers.chain(texts.iter().map(|(name, text)| (name, text.clone())));
+    let says = |(name, text): &(&String, String)| {
+        let key: String = short(name).chars().filter(|c| c.is_alphanumeric()).collect::<String>().to_lowercase();
+        changes(&key, text) || is_absolute_by(&key, text) || is_absolute(text) || factor_in_words(text).is_some()
+    };
+    let line = |(name, text): (&String, String)| {
+        let plain = |text: &str| text.replace(char::is_control, " ");
+        format!("# {}: {}\n", plain(short(name)), plain(&text))
+    };
+    all.filter(says).map(line).collect()
 }
 
 impl Table<'_> {

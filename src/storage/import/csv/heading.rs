@@ -212,6 +212,11 @@ fn factor_in(word: &str) -> Option<(usize, usize)> {
     leads.then(|| (0, word.len() - behind(first).len()))
 }
 
+/// The factor within words: `pressures x10`, `bar*10`.
+pub(crate) fn factor_of(words: &str) -> Option<String> {
+    take_factor(words).map(|(_, factor)| factor)
+}
+
 /// Whether a cell is a factor with or without a name: `x0.1`, `INT*100`.
 pub(crate) fn is_factor(cell: &str) -> bool {
     !cell.contains(' ') && factor_in(cell).is_some()

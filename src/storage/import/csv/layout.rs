@@ -340,6 +340,12 @@ impl<'t> Layout<'t> {
         row.len() >= self.expected && 2 * numbers >= columns && numbers > 0
     }
 
+    /// Whether a line of numbers says in its first cell, in letters alone, what they are.
+    pub(crate) fn is_keyed(&self, line: &str) -> bool {
+        let row = cells(line, self.separator);
+        row.first().is_some_and(|key| key.contains(char::is_alphabetic) && !key.contains(|c: char| c.is_ascii_digit()))
+    }
+
     /// Whether a line looks like the rows.
     pub(crate) fn is_row(&self, line: &str) -> bool {
         self.late.is_data(&cells(line, self.separator))

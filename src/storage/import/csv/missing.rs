@@ -8,7 +8,7 @@ use crate::storage::import::source::{Repair, counted};
 const MISSING: u64 = f64::NAN.to_bits() | 0x5eed;
 
 /// Words for no value, in lower case, without signs and blanks.
-const WORDS: [&str; 37] = [
+const WORDS: [&str; 58] = [
     "nan",
     "nan(ind)",
     "1.#qnan",
@@ -46,6 +46,27 @@ const WORDS: [&str; 37] = [
     "err",
     "inf",
     "infinity",
+    "missing",
+    "fehlt",
+    "н/д",
+    "无",
+    "欠測",
+    "nd",
+    "ofl",
+    "ovf",
+    "low",
+    "high",
+    "stale",
+    "timeout",
+    "short",
+    "badinput",
+    "i/otimeout",
+    "ptcreated",
+    "commfail",
+    "scanoff",
+    "configure",
+    "notconnect",
+    "shutdown",
 ];
 
 /// Numbers that loggers write for no value: Campbell's, and the ends of a converter's range.

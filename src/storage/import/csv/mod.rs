@@ -33,7 +33,7 @@ pub(crate) mod timeless;
 
 use crate::storage::error::{CsvFault, CsvProblem};
 use crate::storage::import::csv::clock::Clock;
-use crate::storage::import::csv::comments::note;
+use crate::storage::import::csv::comments::{among_samples, note};
 use crate::storage::import::csv::cut::is_cut_off;
 use crate::storage::import::csv::keyed::{Channel, Keyed};
 use crate::storage::import::csv::layout::{Column, Layout};
@@ -48,7 +48,7 @@ use crate::storage::import::csv::rows::{Rows, Timed};
 use crate::storage::import::csv::stamp::order_shown;
 use crate::storage::import::csv::states::States;
 use crate::storage::import::csv::table::column_series;
-use crate::storage::import::csv::text::{check_lines, decode};
+use crate::storage::import::csv::text::{check_kind, check_lines, decode};
 use crate::storage::import::source::{Repair, SourceFile, SourceOptions, Start, Track};
 use crate::storage::nearest::listed;
 
@@ -57,6 +57,7 @@ use crate::storage::nearest::listed;
 /// # Errors
 /// The line from 1, where there is one, and what is wrong.
 pub(crate) fn read(bytes: &[u8], options: &SourceOptions) -> Result<SourceFile, CsvFault> {
+    check_kind(bytes)?;
     check_lines(bytes)?;
     let mut repairs = Vec::new();
     let text = decode(bytes, options, &mut repairs)?;
@@ -98,14 +99,16 @@ fn table(
     {
         return Err((header_at.or(Some(all[layout.first].at)), Box::new(CsvProblem::HeaderOnly)));
     }
-    // what stands between the headings and the first row is no note
+    // what stands between the headings and the first row is no note: it says something of the columns, or is a row that cannot be read
     let above = all[..layout.first].iter().enumerate().rev().find(|(_, l)| is_row(l.text));
     if let Some((_, line)) = above.filter(|(at, line)| !layout.headings.contains(at) && layout.is_nearly_row(line.text))
+        && !layout.is_keyed(line.text)
     {
         return Err((Some(line.at), Box::new(CsvProblem::NotARow)));
     }
     let mut found = roles(&mut layout, options).map_err(|problem| (header_at, Box::new(problem)))?;
     repairs.extend(layout.repairs(all));
+    repairs.extend(among_samples(&all[layout.first..]));
     repairs.extend(found.repairs);
     let is_key = |i: usize| channel.is_some_and(|channel| channel.column == i);
     found.clocks.iter_mut().for_each(|clock| clock.values.retain(|i| !is_key(*i)));

@@ -2,9 +2,9 @@
 
 use std::borrow::Cow;
 
-use crate::storage::import::csv::heading::{header_unit, is_known_unit, time_unit};
+use crate::storage::import::csv::heading::{header_unit, is_factored, is_known_unit, time_unit};
 use crate::storage::import::csv::numbers::Numbers;
-use crate::storage::import::csv::scaled::{changes, factor_in_words, is_absolute, is_of_transducer};
+use crate::storage::import::csv::scaled::{changes, factor_in_words, is_absolute, is_absolute_by, is_of_transducer};
 use crate::storage::import::csv::stamp::Stamp;
 use crate::storage::import::kinds::is_electric;
 use crate::storage::import::source::Order;
@@ -230,7 +230,9 @@ impl Settings {
             return Vec::new();
         }
         let of_line = |s: &Setting| -> Vec<(usize, String)> {
-            let told = |(i, cell): (usize, String)| changes(&s.key, &cell).then(|| (i, format!("{} {cell}", s.name)));
+            let is_unit = UNITS.contains(&s.key.as_str());
+            let is_changed = |cell: &str| changes(&s.key, cell) || (is_unit && is_factored(cell));
+            let told = |(i, cell): (usize, String)| is_changed(&cell).then(|| (i, format!("{} {cell}", s.name)));
             s.by_column(width, values).into_iter().filter_map(told).collect()
         };
         let of_remark = |remark: &String| {
@@ -284,11 +286,10 @@ impl Settings {
 
     /// Whether a line says that pressures count from the vacuum: `Pressure type: absolute`, `Reference;absolute;absolute`, `pressures are absolute`.
     pub(crate) fn is_absolute(&self) -> bool {
-        let keyed = |s: &&Setting| {
-            ["reference", "pressuretype", "type", "mode", "pressuremode", "bezug", "druckart"].contains(&s.key.as_str())
-        };
-        let says = |cell: &String| ["absolute", "absolut", "abs"].contains(&cell.trim().to_lowercase().as_str());
-        self.all.iter().filter(keyed).any(|s| s.cells.iter().any(says)) || self.remarks.iter().any(|r| is_absolute(r))
+        let keyed = |s: &Setting| s.cells.iter().any(|cell| is_absolute_by(&s.key, cell));
+        // a range or a remark may say it, too
+        let worded = |s: &Setting| s.cells.iter().any(|cell| is_absolute(&format!("{} {cell}", s.name)));
+        self.all.iter().any(|s| keyed(s) || worded(s)) || self.remarks.iter().any(|r| is_absolute(r))
     }
 
     /// Wall-clock time of time 0, and a remark on it, that a line gives: `start: 2026-03-14T09:26:53.5Z`, or a date and a time in two lines, as

@@ -166,8 +166,55 @@ pub(crate) fn text_of(bytes: &[u8]) -> Result<&str, CsvFault> {
     Ok(text.strip_prefix('\u{feff}').unwrap_or(text))
 }
 
+/// How files of other kinds begin, in lower case, what they are, and what to do with them.
+const OTHER_KINDS: [(&[u8], &str, &str); 12] = [
+    (b"\x1f\x8b", "a file packed by gzip", UNPACK),
+    (b"bzh", "a file packed by bzip2", UNPACK),
+    (b"\x28\xb5\x2f\xfd", "a file packed by zstd", UNPACK),
+    (b"\xfd7zxz", "a file packed by xz", UNPACK),
+    (b"cdf\x01", "a netCDF file of version 3", SAVE),
+    (b"cdf\x02", "a netCDF file of version 3", SAVE),
+    (b"par1", "a Parquet file", SAVE),
+    (b"<?xml", "XML", SAVE),
+    (b"<html", "a page of HTML", SAVE),
+    (b"<!doctype", "a page of HTML", SAVE),
+    (b"<table", "a page of HTML", SAVE),
+    (b"{", "JSON", SAVE),
+];
+const UNPACK: &str = "unpack it first";
+const SAVE: &str = "save it as CSV in the program that wrote it";
+
+/// Refuses what is no table by its first bytes.
+pub(crate) fn check_kind(bytes: &[u8]) -> Result<(), CsvFault> {
+    let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).trim_ascii_start();
+    let begins = |mark: &[u8]| text.get(..mark.len()).is_some_and(|start| start.eq_ignore_ascii_case(mark));
+    let list = text
+        .strip_prefix(b"[")
+        .map(<[u8]>::trim_ascii_start)
+        .is_some_and(|t| t.starts_with(b"{") || t.starts_with(b"["));
+    let other = OTHER_KINDS.iter().find(|(mark, ..)| begins(mark)).map(|(_, what, doing)| (*what, *doing));
+    match other.or(list.then_some(("JSON", SAVE))) {
+        Some((what, doing)) => Err((None, Box::new(CsvProblem::OtherKind { what, doing }))),
+        None => Ok(()),
+    }
+}
+
 #[cfg(test)]
 mod tests {
+    #[test]
+    fn files_of_other_kinds_are_called_by_their_names() {
+        for (text, what) in [
+            (&b"{\"t\": 0}"[..], "JSON"),
+            (b"\xef\xbb\xbf [ {\"t\": 0}]", "JSON"),
+            (b"<?XML version=\"1.0\"?>", "XML"),
+            (b"\x1f\x8b\x08\x00", "gzip"),
+        ] {
+            let said = check_kind(text).unwrap_err().1.to_string();
+            assert!(said.contains(what), "{said}");
+        }
+        assert!(check_kind(b"[Header]\nt,P1\n0,1\n").is_ok() && check_kind(b"t,P1\n0,1\n").is_ok());
+    }
+
     use super::*;
     use encoding_rs::{BIG5, EUC_KR, GBK, SHIFT_JIS, WINDOWS_1250, WINDOWS_1251};
 

@@ -12,6 +12,8 @@ pub(crate) mod times;
 
 use std::collections::BTreeMap;
 
+use crate::storage::import::csv::scaled::{changes, is_absolute, is_absolute_by};
+use crate::storage::import::kinds::pressure_unit;
 use crate::storage::import::tdms::channel::{Channel, Values};
 use crate::storage::import::tdms::property::{Properties, Property};
 use crate::storage::import::tdms::scale::scaling;
@@ -144,10 +146,28 @@ fn found(
         Some(Property::Text(text)) if !text.trim().is_empty() => Some(text.trim().to_string()),
         _ => None,
     });
+    let unit = stated(unit, &chain);
     let series = Series { time_s, value: values, gaps: Vec::new() };
     let track =
         Track { name: channel.path.clone(), short: short.clone(), unit, series, repairs, shares: None, place: None };
     Ok(Found::Track(Box::new(Timed { track, start_ns, holes_s })))
+}
+
+/// A unit with what other properties say of it: a factor or a zero, which make an unknown one of it, or that it counts from the vacuum.
+fn stated(unit: Option<String>, chain: &[&Properties]) -> Option<String> {
+    let shown = |property: &Property| match property {
+        Property::Text(text) => text.clone(),
+        Property::Number(number) => number.to_string(),
+        Property::Time(_) => String::new(),
+    };
+    let all = || chain.iter().flat_map(|properties| properties.iter()).filter(|(name, _)| !name.starts_with("NI_"));
+    let key = |name: &str| name.chars().filter(|c| c.is_alphanumeric()).collect::<String>().to_lowercase();
+    if let Some((name, value)) = all().find(|(name, value)| changes(&key(name), &shown(value))) {
+        return Some(format!("{name} {} {}", shown(value), unit.unwrap_or_default()).trim_end().to_owned());
+    }
+    let is_vacuum = all().any(|(name, value)| is_absolute_by(&key(name), &shown(value)) || is_absolute(&shown(value)));
+    let is_gauge = |unit: &String| pressure_unit("", unit).is_some_and(|(_, absolute)| !absolute);
+    unit.map(|unit| if is_vacuum && is_gauge(&unit) { format!("{unit} abs") } else { unit })
 }
 
 /// What is left out is lost where it is a series of numbers.
