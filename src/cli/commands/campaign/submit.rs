@@ -61,7 +61,7 @@ impl Engine {
     /// What starts a job, and how one gets it.
     fn starts(self) -> (&'static [&'static str], &'static str) {
         match self {
-            Engine::Hq => (&["hq", "submit"], "its releases have it; the package of PyPI has only a library"),
+            Engine::Hq => (&["hq", "submit"], "HyperQueue's releases have it; the package of PyPI has only a library"),
             Engine::Slurm => (&["sbatch"], "Slurm has it"),
             Engine::Snakemake => (&["snakemake", "--cores", "all", "--snakefile"], "`pip install snakemake` has it"),
         }
