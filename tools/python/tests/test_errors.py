@@ -1,5 +1,7 @@
 """What is refused, and in whose words."""
 
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -103,9 +105,6 @@ def test_a_value_that_no_fit_would_take_warns(study: ss.Study) -> None:
 
 
 def test_the_console_script_is_the_program(tmp_path: Path) -> None:
-    import subprocess
-    import sys
-
     script = Path(sys.executable).parent / "surgescope"
 
     def run(*arguments: str) -> "subprocess.CompletedProcess[str]":
@@ -116,3 +115,13 @@ def test_the_console_script_is_the_program(tmp_path: Path) -> None:
     assert refused.returncode == 2 and refused.stderr.startswith("error: ") and refused.stdout == ""
     assert run("no-such-command").returncode == 2
     assert run("effects", "--json").stdout.startswith("{")
+
+
+def test_the_console_script_starts_itself_for_a_campaign(tmp_path: Path) -> None:
+    script = Path(sys.executable).parent / "surgescope"
+    plan, folder = tmp_path / "plan.toml", tmp_path / "study"
+    plan.write_text(f'kind = "calibrate"\nrecordings = ["{RECORDINGS}/copper-leak.mcap"]\neffects = [["none"]]\n[options]\nmost_reaches = 16\n')
+    for words in (["plan", plan, "-o", folder], ["run", folder], ["status", folder], ["submit", folder, "--to", "slurm"]):
+        done = subprocess.run([script, "campaign", *words], capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+    assert f"exec '{script}' campaign run" in (folder / "jobs" / "slurm.sh").read_text()

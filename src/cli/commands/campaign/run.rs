@@ -14,6 +14,7 @@ use crate::cli::args::values::positive;
 use crate::cli::commands::campaign::others::warn_of_others;
 use crate::cli::console::document::say_document;
 use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::own_program::own_program;
 use crate::cli::console::print::{say, tell, tell_warning};
 use crate::cli::console::progress::progress_bar;
 use crate::cli::console::stop::{STOP, STOP_AT_ONCE, stop_on_signals};
@@ -46,7 +47,7 @@ pub struct Args {
 pub fn run(args: &Args, json: bool) -> CommandResult {
     let folder = Folder::open(&args.dir)?;
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let program = std::env::current_exe()?;
+    let program = own_program()?;
     let child =
         [String::from("campaign"), "child".into(), args.dir.to_str().ok_or("the folder's name is no UTF-8")?.into()];
     stop_on_signals()?;
