@@ -121,7 +121,8 @@ def test_the_console_script_starts_itself_for_a_campaign(tmp_path: Path) -> None
     script = Path(sys.executable).parent / "surgescope"
     plan, folder = tmp_path / "plan.toml", tmp_path / "study"
     plan.write_text(f'kind = "calibrate"\nrecordings = ["{RECORDINGS}/copper-leak.mcap"]\neffects = [["none"]]\n[options]\nmost_reaches = 16\n')
-    for words in (["plan", plan, "-o", folder], ["run", folder], ["status", folder], ["submit", folder, "--to", "slurm"]):
+    calls: tuple[list[Path | str], ...] = (["plan", plan, "-o", folder], ["run", folder], ["status", folder], ["submit", folder, "--to", "slurm"])
+    for words in calls:
         done = subprocess.run([script, "campaign", *words], capture_output=True, text=True)
         assert done.returncode == 0, done.stderr
     assert f"exec '{script}' campaign run" in (folder / "jobs" / "slurm.sh").read_text()
