@@ -64,7 +64,14 @@ def test_calibrate_refuses_in_the_words_of_the_program(study: ss.Study, program:
         (lambda: ss.Study([RECORDINGS / "hdpe-creep.mcap", RECORDINGS / "copper-leak.mcap"]), "separately"),
         (lambda: ss.Rig.from_toml("name = 1"), "rig.toml"),
         (lambda: ss.read(RIG), "the rig is missing"),
+        (lambda: ss.read(RECORDINGS), "is a folder"),
         (lambda: ss.simulate(RIG, times_s=[np.nan]), "finite"),
+        (lambda: ss.simulate(RIG, times_s=[[0.0, 1.0]]), "times_s: give numbers in a list"),
+        (lambda: ss.simulate_many(RIG, NONE, {"reaches": 8}, times_s=[0.0]), "reaches: give numbers in a list"),
+        (lambda: ss.simulate_many(RIG, NONE, {"reaches": [8]}, times_s=[0.0], threads=0), "threads must be 1 or more"),
+        (lambda: ss.simulate(RIG, set={"reaches": "many"}, times_s=[0.0]), "reaches = many is not a number"),  # type: ignore[dict-item]
+        (lambda: ss.Study(RECORDINGS / "hdpe-creep.mcap").calibrate(most_reaches=4), "most_reaches must be a whole number from 8"),
+        (lambda: ss.Study(RECORDINGS / "hdpe-creep.mcap").calibrate(hold={"wave_speed_m_s": "fast"}), "give a number"),  # type: ignore[dict-item]
         (lambda: ss.simulate(RIG, set={"reaches": np.inf}, times_s=[0.0]), "finite"),
         (lambda: ss.simulate(RIG, times_s=[0.0], valve="ball"), "linear, flow-ramp"),  # type: ignore[arg-type]
         (lambda: ss.simulate_many(RIG, NONE, {"reaches": [8, 9.5]}, times_s=[0.0]), "row 1: reaches = 9.5"),

@@ -49,11 +49,13 @@ pub fn run(args: &Args, json: bool) -> CommandResult {
         Some(Retry::Failed) => {
             tell!("{} failed tasks are missing again: `surgescope campaign run` tries them", retry(&folder)?);
         }
-        Some(Retry::OtherProgram) => tell!(
-            "{} tasks that another program had done are missing again: `surgescope campaign run` does them. Their results stand in {}",
-            put_aside(&folder)?,
-            folder.results().join("aside").shown()
-        ),
+        Some(Retry::OtherProgram) => match put_aside(&folder)? {
+            0 => tell!("no result is of another program: nothing was changed"),
+            tasks => tell!(
+                "{tasks} tasks that another program had done are missing again: `surgescope campaign run` does them. Their results stand in {}",
+                folder.results().join("aside").shown()
+            ),
+        },
     }
     let now = status(&folder)?;
     warn_of_others(&folder, &now.other_programs);
