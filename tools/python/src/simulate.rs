@@ -210,20 +210,19 @@ pub fn simulate_many<'py>(
             stop_if_told();
             Scenario::new((*rig).clone(), &effects, valve, settings)
         };
-        // Names and ranges first: a slip in the last row need not wait for the others.
-        let scenarios: Vec<_> = settings.par_iter().map(scenario).collect();
-        let scenarios = checked_rows(scenarios, keeps_failed)?;
-        let run = |scenario: &Option<Scenario>| {
-            let Some(scenario) = scenario else { return Ok(None) };
+        // Names and ranges first: a slip in the last row need not wait for the others. None is kept, for each holds a rig.
+        checked_rows(settings.par_iter().map(|row| scenario(row).map(drop)).collect(), keeps_failed)?;
+        let run = |settings: &Vec<(String, f64)>| {
+            let scenario = scenario(settings)?;
             let traces = scenario.simulate(until_s)?;
             told.tell(Progress::counted(counted.fetch_add(1, Ordering::Relaxed) + 1, rows));
-            Ok(Some(shown(scenario, &traces, &times_s, readings)))
+            Ok(shown(&scenario, &traces, &times_s, readings))
         };
-        let simulated: Vec<Result<_, AnyError>> = scenarios.par_iter().map(run).collect();
+        let simulated: Vec<Result<_, AnyError>> = settings.par_iter().map(run).collect();
         let simulated = checked_rows(simulated, keeps_failed)?;
         let mut heads: Vec<Vec<f64>> = sensors.iter().map(|_| Vec::with_capacity(rows * samples)).collect();
         for row in simulated {
-            let mut row = row.flatten().unwrap_or_default().into_iter();
+            let mut row = row.unwrap_or_default().into_iter();
             for all in &mut heads {
                 let before = all.len();
                 all.extend(row.next().unwrap_or_default());
