@@ -14,14 +14,14 @@ def answers(folder):
 
 
 def imported(program, folder, case, work):
-    """The recordings of a case, imported where they are not there."""
+    """The recordings of a case, imported by this program: one that another has left would be read in its place. The same table gives the same file."""
     recordings = []
     Path(work).mkdir(parents=True, exist_ok=True)
     for csv in sorted((folder / case).glob("run*.csv")):
         recordings.append(f"{work}/{case}-{csv.stem}.mcap")
-        if not Path(recordings[-1]).exists():
-            rig = str(folder / case / "rig.toml")
-            subprocess.run([program, "import", str(csv), "--rig", rig, "-o", recordings[-1]], check=True, capture_output=True)
+        Path(recordings[-1]).unlink(missing_ok=True)
+        rig = str(folder / case / "rig.toml")
+        subprocess.run([program, "import", str(csv), "--rig", rig, "-o", recordings[-1]], check=True, capture_output=True)
     return recordings
 
 

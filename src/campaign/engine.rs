@@ -57,11 +57,11 @@ impl Engine {
 pub fn write(folder: &Folder, job: &Job) -> Result<PathBuf> {
     let root = folder.root().canonicalize().map_err(CampaignError::io("find", folder.root()))?;
     let logs = root.join("jobs/log");
-    fs::create_dir_all(&logs).map_err(CampaignError::io("make the folder", &logs))?;
+    fs::create_dir_all(&logs).map_err(CampaignError::unwritten(&logs))?;
     let file = root.join("jobs").join(job.engine.file());
     let text = |path: &Path| path.to_str().map(str::to_owned).ok_or_else(|| CampaignError::Name(path.to_owned()));
     fs::write(&file, filled(job, &text(&root)?, &text(job.program)?, &text(&file)?))
-        .map_err(CampaignError::io("write", &file))?;
+        .map_err(CampaignError::unwritten(&file))?;
     Ok(file)
 }
 

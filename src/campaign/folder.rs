@@ -23,6 +23,11 @@ struct Named {
     task: String,
 }
 
+/// The number of the task that a line of results or failures is about.
+pub(crate) fn place_of(line: &str, names: &[String]) -> Option<usize> {
+    names.binary_search(&serde_json::from_str::<Named>(line).ok()?.task).ok()
+}
+
 impl Folder {
     /// The folder of a campaign that is planned.
     ///
@@ -128,7 +133,11 @@ impl Folder {
     /// # Errors
     /// Marks of another campaign, files that cannot be read or written.
     pub fn marks(&self) -> Result<Marks> {
-        self.open_marks(true)
+        let path = self.place("marks");
+        if !path.exists() {
+            marks::write(&path, &self.marks_of_results()?)?;
+        }
+        Marks::open(&path, self.count()?)
     }
 
     /// The same, to look at: of a folder that belongs to somebody else, too.
@@ -136,15 +145,11 @@ impl Folder {
     /// # Errors
     /// As [`Folder::marks`].
     pub fn marks_to_read(&self) -> Result<Marks> {
-        self.open_marks(false)
-    }
-
-    fn open_marks(&self, write: bool) -> Result<Marks> {
         let path = self.place("marks");
-        if !path.exists() {
-            marks::write(&path, &self.marks_of_results()?)?;
+        match path.exists() {
+            true => Marks::open_to_read(&path, self.count()?),
+            false => Marks::elsewhere(&self.marks_of_results()?),
         }
-        Marks::open(&path, self.count()?, write)
     }
 
     fn marks_of_results(&self) -> Result<Vec<Mark>> {
@@ -154,8 +159,7 @@ impl Folder {
         for (folder, mark) in [(self.failures(), Mark::Failed), (self.results(), Mark::Done)] {
             for path in lines::files(&folder).map_err(CampaignError::io("list", &folder))? {
                 let read = lines::read(&path, |line| {
-                    let task = serde_json::from_str::<Named>(line).ok();
-                    if let Some(at) = task.and_then(|named| names.binary_search(&named.task).ok()) {
+                    if let Some(at) = place_of(line, &names) {
                         found[at] = mark;
                     }
                 });

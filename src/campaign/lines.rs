@@ -12,7 +12,7 @@ const HEAD: &str = "{\"check\":\"";
 const CHECK: usize = 10;
 
 /// The line of an object that is written already, `{…}` with at least one entry and no line break; ends with a line break.
-pub(crate) fn sealed(object: &str) -> String {
+pub fn sealed(object: &str) -> String {
     let rest = &object[1..];
     format!("{HEAD}{:08x}\",{rest}\n", CRC.checksum(rest.as_bytes()))
 }
@@ -43,6 +43,19 @@ pub(crate) fn read(path: &Path, mut take: impl FnMut(&str)) -> io::Result<usize>
             _ => damaged += 1,
         }
     }
+}
+
+/// The first whole line of a file.
+///
+/// # Errors
+/// A file that cannot be read.
+pub(crate) fn first(path: &Path) -> io::Result<Option<String>> {
+    for line in BufReader::new(File::open(path)?).split(b'\n') {
+        if let Some(line) = String::from_utf8(line?).ok().filter(|line| is_whole(line)) {
+            return Ok(Some(line));
+        }
+    }
+    Ok(None)
 }
 
 /// The whole lines among the last bytes of a file.
@@ -102,7 +115,7 @@ mod tests {
         std::fs::write(&path, format!("{one}{}", &two[..20])).unwrap();
         let mut seen = Vec::new();
         assert_eq!(read(&path, |line| seen.push(line.to_owned())).unwrap(), 1);
-        assert_eq!((seen.len(), last(&path, 1000).unwrap()), (1, seen));
+        assert_eq!((first(&path).unwrap(), last(&path, 1000).unwrap()), (seen.first().cloned(), seen));
         assert_eq!(files(folder.path()).unwrap(), [path]);
         assert!(files(&folder.path().join("none")).unwrap().is_empty());
     }

@@ -63,19 +63,40 @@ pub struct Marks {
 /// If it cannot be written.
 pub fn write(path: &Path, marks: &[Mark]) -> Result<()> {
     let bytes: Vec<u8> = marks.iter().map(|mark| mark.byte()).collect();
-    output::write_with(path, |out| out.write_all(&bytes)).map_err(|e| {
-        let source = std::error::Error::source(&e).map_or(e.to_string(), ToString::to_string);
-        CampaignError::Io { action: "write", path: path.to_owned(), source: io::Error::other(source) }
-    })
+    output::write_with(path, |out| out.write_all(&bytes)).map_err(CampaignError::not_whole(path))
 }
 
 impl Marks {
-    /// Opens the marks of so many tasks, to claim and set them where `write` says so.
+    /// Opens the marks of so many tasks, to claim and set them.
     ///
     /// # Errors
-    /// A file that cannot be opened, or that is of other tasks.
-    pub fn open(path: &Path, tasks: usize, write: bool) -> Result<Marks> {
-        let file = OpenOptions::new().read(true).write(write).open(path).map_err(CampaignError::io("open", path))?;
+    /// A file that may not be written to, or that is of other tasks.
+    pub fn open(path: &Path, tasks: usize) -> Result<Marks> {
+        let file = OpenOptions::new().read(true).write(true).open(path).map_err(CampaignError::unwritten(path))?;
+        Marks::of(file, path, tasks)
+    }
+
+    /// Opens the marks of so many tasks, to look at.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or that is of other tasks.
+    pub fn open_to_read(path: &Path, tasks: usize) -> Result<Marks> {
+        let file = File::open(path).map_err(CampaignError::io("read", path))?;
+        Marks::of(file, path, tasks)
+    }
+
+    /// Marks to look at that have no file of their own.
+    ///
+    /// # Errors
+    /// A full disk.
+    pub fn elsewhere(marks: &[Mark]) -> Result<Marks> {
+        let bytes: Vec<u8> = marks.iter().map(|mark| mark.byte()).collect();
+        let place = std::env::temp_dir();
+        let written = tempfile::tempfile().and_then(|file| write_at(&file, &bytes, 0).map(|()| file));
+        Ok(Marks { file: written.map_err(CampaignError::unwritten(&place))?, tasks: marks.len() })
+    }
+
+    fn of(file: File, path: &Path, tasks: usize) -> Result<Marks> {
         let bytes = file.metadata().map_err(CampaignError::io("read", path))?.len() as usize;
         if bytes != tasks {
             return Err(CampaignError::Marks { file: path.to_owned(), bytes, tasks });
@@ -122,6 +143,21 @@ impl Marks {
     pub fn set(&self, task: usize, mark: Mark) -> io::Result<()> {
         write_at(&self.file, &[mark.byte()], task as u64)?;
         self.release(task)
+    }
+
+    /// Makes those of these tasks missing whose mark is `asked` and that nobody works on; returns how many.
+    ///
+    /// # Errors
+    /// A file that cannot be locked or written.
+    pub fn clear(&self, tasks: impl IntoIterator<Item = usize>, asked: Mark) -> io::Result<usize> {
+        let mut cleared = 0;
+        for task in tasks {
+            if self.claim(task, asked)? == Claim::Ours {
+                self.set(task, Mark::Missing)?;
+                cleared += 1;
+            }
+        }
+        Ok(cleared)
     }
 
     /// Gives back a task that is ours, as it was.
@@ -253,14 +289,13 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("marks");
         write(&path, &[Mark::Missing, Mark::Failed, Mark::Missing]).unwrap();
-        let marks = Marks::open(&path, 3, true).unwrap();
+        let marks = Marks::open(&path, 3).unwrap();
         assert_eq!(marks.claim(1, Mark::Missing).unwrap(), Claim::Finished);
-        assert_eq!(marks.claim(1, Mark::Failed).unwrap(), Claim::Ours);
-        marks.set(1, Mark::Missing).unwrap();
+        assert_eq!(marks.clear([0, 1], Mark::Failed).unwrap(), 1);
         assert_eq!(marks.claim(2, Mark::Missing).unwrap(), Claim::Ours);
         marks.set(2, Mark::Done).unwrap();
         assert_eq!(marks.all().unwrap(), [Mark::Missing, Mark::Missing, Mark::Done]);
         assert_eq!(marks.claim(2, Mark::Missing).unwrap(), Claim::Finished);
-        assert!(matches!(Marks::open(&path, 4, true), Err(CampaignError::Marks { bytes: 3, tasks: 4, .. })));
+        assert!(matches!(Marks::open(&path, 4), Err(CampaignError::Marks { bytes: 3, tasks: 4, .. })));
     }
 }

@@ -8,7 +8,8 @@
 //! | `plan.toml` | the plan as it was given |
 //! | `tasks.jsonl` | a task a line, sorted by its name, which is a hash of all that goes into it |
 //! | `marks` | a byte a task: missing, done, failed; a runner at work on a task holds the lock of its byte |
-//! | `results/*.jsonl` | what runners have found: a file a runner, a line a task |
+//! | `results/*.jsonl` | what runners have found: a file a runner, a line a task, which names the program |
+//! | `results/aside/` | results of other programs that were put aside |
 //! | `failures/*.jsonl` | why tasks failed, likewise |
 //! | `jobs/` | jobs of engines that schedule, and what their shards said |
 //! | `inputs/` | copies of the inputs, where they were asked for |
@@ -24,6 +25,7 @@ pub mod marks;
 pub mod perform;
 pub mod plan;
 pub mod plan_file;
+pub mod program;
 pub mod run;
 pub mod shard;
 pub mod status;

@@ -16,7 +16,7 @@ use crate::model::Conditions;
 use crate::model::effects::{Chosen, parse_list};
 use crate::report::diagnosis::text as diagnosis;
 use crate::rig::{Rig, Sensor};
-use crate::sensitivity::factor::{Range, Reach};
+use crate::sensitivity::factor::{Factor, Range, Reach};
 use crate::sensitivity::features::OUTPUTS;
 use crate::sensitivity::study::{Study as Design, elementary_effects, variance_shares};
 use crate::sensitivity::subject::{Subject, sensor};
@@ -119,16 +119,41 @@ fn holds(fit: &FitOptions) -> Vec<Hold> {
     fit.hold.iter().map(|(name, &[lower, upper])| Hold { name: name.clone(), lower, upper }).collect()
 }
 
+/// Whether a simulation or a study of a rig can be begun: all that is known before it runs.
+///
+/// # Errors
+/// Settings, parameters or a sensor that the model does not have, values that it cannot take.
+pub fn check(rig: &Rig, effects: &[Chosen], work: &Work) -> Result<(), AnyError> {
+    let (Work::Simulate { set } | Work::Sensitivity { set, .. }) = work else { return Ok(()) };
+    let scenario = scenario(rig.clone(), effects, set)?;
+    let sensor = sensor(&scenario.rig, sensor_read(work))?;
+    varied(&subject(&scenario, sensor), work).map(drop)
+}
+
 /// A closure on a rig, with these settings.
 ///
 /// # Errors
 /// A setting that the model does not have, or a value that it cannot take.
-pub fn scenario(rig: Rig, effects: &[Chosen], set: &BTreeMap<String, f64>) -> Result<Scenario, AnyError> {
+fn scenario(rig: Rig, effects: &[Chosen], set: &BTreeMap<String, f64>) -> Result<Scenario, AnyError> {
     let mut settings: Vec<(String, f64)> = set.iter().map(|(name, value)| (name.clone(), *value)).collect();
     if !set.contains_key("reaches") {
         settings.push(("reaches".to_owned(), REACHES));
     }
-    Scenario::new(rig, effects, ValveForm::Linear, &settings)
+    let scenario = Scenario::new(rig, effects, ValveForm::Linear, &settings)?;
+    scenario.model().resolving_reaches(&Conditions::of(scenario.water), &scenario.shared, &scenario.run)?;
+    Ok(scenario)
+}
+
+/// The sensor that a study names.
+fn sensor_read(work: &Work) -> Option<&str> {
+    if let Work::Sensitivity { sensor, .. } = work { sensor.as_deref() } else { None }
+}
+
+/// The parameters that a study varies, with their ranges.
+fn varied(subject: &Subject, work: &Work) -> Result<Vec<Factor>, AnyError> {
+    let Work::Sensitivity { range, only, within, .. } = work else { return Ok(Vec::new()) };
+    let ranges: Vec<Range> = range.iter().map(|(name, &[low, high])| Range { name: name.clone(), low, high }).collect();
+    Ok(subject.factors(within.map_or(Reach::Bounds, Reach::Factor), &ranges, only)?)
 }
 
 fn subject<'a>(scenario: &'a Scenario, sensor: &'a Sensor) -> Subject<'a> {
@@ -157,13 +182,12 @@ fn simulated(rig: Rig, effects: &[Chosen], set: &BTreeMap<String, f64>) -> Resul
 
 /// A sensitivity study.
 fn designed(rig: Rig, effects: &[Chosen], work: &Work) -> Result<Value, AnyError> {
-    let Work::Sensitivity { method, seed, set, range, only, within, sensor: named, size } = work else {
+    let Work::Sensitivity { method, seed, set, size, .. } = work else {
         return Err("this is no sensitivity study".into());
     };
     let scenario = scenario(rig, effects, set)?;
-    let subject = subject(&scenario, sensor(&scenario.rig, named.as_deref())?);
-    let ranges: Vec<Range> = range.iter().map(|(name, &[low, high])| Range { name: name.clone(), low, high }).collect();
-    let factors = subject.factors(within.map_or(Reach::Bounds, Reach::Factor), &ranges, only)?;
+    let subject = subject(&scenario, sensor(&scenario.rig, sensor_read(work))?);
+    let factors = varied(&subject, work)?;
     let mut design = Design {
         rig: scenario.rig.name.clone(),
         effects: scenario.effects.iter().map(Chosen::label).collect(),

@@ -11,8 +11,8 @@ use crate::campaign::checksum::checksum;
 use crate::campaign::error::{CampaignError, Result, sentence};
 use crate::campaign::folder::Folder;
 use crate::campaign::marks::{self, Mark};
-use crate::campaign::perform::scenario;
-use crate::campaign::plan_file::{Kind, PlanFile, Source, Values, methods_of_fits};
+use crate::campaign::perform::check;
+use crate::campaign::plan_file::{Count, Kind, PlanFile, Source, Values, methods_of_fits};
 use crate::campaign::task::{FitOptions, Input, Task, Work};
 use crate::fit::problem::method::Method;
 use crate::model::effects::{CATALOGUE, Chosen};
@@ -85,7 +85,7 @@ fn lay_out(
     copied: Option<&HashMap<PathBuf, Input>>,
 ) -> Result<()> {
     let root = folder.root();
-    fs::create_dir_all(root).map_err(CampaignError::io("make the folder", root))?;
+    fs::create_dir_all(root).map_err(CampaignError::unwritten(root))?;
     let mut inside = fs::read_dir(root).map_err(CampaignError::io("list", root))?;
     // what a planning that was interrupted has left may be written again
     let ours = |name: &str| ["plan.toml", "marks", "inputs"].contains(&name) || name.starts_with(".surgescope-");
@@ -97,14 +97,11 @@ fn lay_out(
         place_copy(&mut copy);
         let to = root.join(&copy.path);
         let parent = to.parent().unwrap_or(root);
-        fs::create_dir_all(parent).map_err(CampaignError::io("make the folder", parent))?;
-        fs::copy(&input.path, &to).map_err(CampaignError::io("copy an input to", &to))?;
+        fs::create_dir_all(parent).map_err(CampaignError::unwritten(parent))?;
+        fs::copy(&input.path, &to).map_err(CampaignError::unwritten(&to))?;
     }
     let write = |path: &Path, text: &str| {
-        output::write_with(path, |out| out.write_all(text.as_bytes())).map_err(|e| {
-            let source = std::error::Error::source(&e).map_or(e.to_string(), ToString::to_string);
-            CampaignError::Io { action: "write", path: path.to_owned(), source: std::io::Error::other(source) }
-        })
+        output::write_with(path, |out| out.write_all(text.as_bytes())).map_err(CampaignError::not_whole(path))
     };
     write(&folder.place("plan.toml"), &source.text)?;
     marks::write(&folder.place("marks"), &vec![Mark::Missing; count])?;
@@ -144,13 +141,14 @@ impl Planner<'_> {
         if options.misfit.get_ref() != "time" && options.misfit.get_ref() != "frequency" {
             return Err(source.fault(options.misfit.span(), "misfit must be \"time\" or \"frequency\""));
         }
-        if !(8..=100_000).contains(options.most_reaches.get_ref()) {
+        let most_reaches = options.most_reaches.get_ref().get();
+        if !(8..=100_000).contains(&most_reaches) {
             return Err(source.fault(options.most_reaches.span(), "most_reaches must be from 8 to 100000"));
         }
         let fit = FitOptions {
             // a seed without a start that is drawn from it would do the same again
-            random_starts: options.random_starts.unwrap_or(usize::from(plan.starts.is_some())),
-            most_reaches: *options.most_reaches.get_ref(),
+            random_starts: options.random_starts.map_or(usize::from(plan.starts.is_some()), Count::get),
+            most_reaches,
             hold: options.hold.iter().map(|(name, v)| Ok((name.clone(), self.held(v)?))).collect::<Result<_>>()?,
             ignore: options.ignore.clone(),
         };
@@ -172,7 +170,7 @@ impl Planner<'_> {
                                 "stepwise" => (&[None][..], FitOptions { random_starts: 0, ..fit.clone() }),
                                 _ => (&seeds[..], FitOptions { random_starts: 0, ..fit.clone() }),
                             };
-                            let budget = options.budget;
+                            let budget = options.budget.get();
                             for &seed in seeds {
                                 let (method, misfit, fit) = ((*method).to_owned(), misfit.clone(), fit.clone());
                                 add(Work::Calibrate { method, seed, budget, misfit, fit })?;
@@ -267,14 +265,14 @@ impl Planner<'_> {
     fn seeds(&self) -> Result<Vec<Option<u64>>> {
         let count = match &self.plan.starts {
             None => 1,
-            Some(starts) if *starts.get_ref() == 0 => {
+            Some(starts) if starts.get_ref().get() == 0 => {
                 return Err(self
                     .source
                     .fault(starts.span(), "starts must be at least 1: so many seeds a combination has"));
             }
-            Some(starts) => u64::from(*starts.get_ref()),
+            Some(starts) => u64::from(starts.get_ref().get()),
         };
-        Ok((0..count).map(|k| Some(self.plan.seed.wrapping_add(k))).collect())
+        Ok((0..count).map(|k| Some(self.plan.seed.get().wrapping_add(k))).collect())
     }
 
     /// Rigs with their models; without `effects`, the base model.
@@ -333,8 +331,8 @@ impl Planner<'_> {
             grid = grid.into_iter().flat_map(with).collect();
         }
         for rig in &rigs {
+            let loaded = self.loaded(rig)?;
             for effects in &models {
-                let mut checked = false;
                 for set in &grid {
                     for seed in seeds.iter().flatten() {
                         let mut random = fastrand::Rng::with_seed(*seed);
@@ -342,11 +340,9 @@ impl Planner<'_> {
                         set.extend(
                             range.iter().map(|(name, [low, high])| (name.clone(), low + (high - low) * random.f64())),
                         );
-                        if !checked {
-                            self.settable(rig, effects, &set)?;
-                            checked = true;
-                        }
-                        self.add(&rig.name, Vec::new(), Some(rig.clone()), effects, Work::Simulate { set })?;
+                        let work = Work::Simulate { set };
+                        self.check(rig, &loaded, effects, &work)?;
+                        self.add(&rig.name, Vec::new(), Some(rig.clone()), effects, work)?;
                     }
                 }
             }
@@ -377,8 +373,8 @@ impl Planner<'_> {
             return Err(source.fault(within.span(), "within must be a factor above 1"));
         }
         for rig in &rigs {
+            let loaded = self.loaded(rig)?;
             for effects in &models {
-                self.settable(rig, effects, &set)?;
                 for &method in &methods {
                     for &seed in seeds.iter().flatten() {
                         let work = Work::Sensitivity {
@@ -389,8 +385,9 @@ impl Planner<'_> {
                             only: plan.only.clone(),
                             within: options.within.as_ref().map(|factor| *factor.get_ref()),
                             sensor: options.sensor.clone(),
-                            size: if method == "morris" { options.trajectories } else { options.rows },
+                            size: if method == "morris" { options.trajectories } else { options.rows }.get(),
                         };
+                        self.check(rig, &loaded, effects, &work)?;
                         self.add(&rig.name, Vec::new(), Some(rig.clone()), effects, work)?;
                     }
                 }
@@ -399,11 +396,13 @@ impl Planner<'_> {
         Ok(())
     }
 
-    /// Whether the model of a rig has these settings: a slip would fail all its tasks.
-    fn settable(&self, rig: &Input, effects: &[Chosen], set: &BTreeMap<String, f64>) -> Result<()> {
-        let fault = |e: &dyn std::error::Error| self.source.lacks(format!("{}: {}", rig.name, sentence(e)));
-        let loaded = Rig::load(&rig.path).map_err(|e| fault(&e))?;
-        scenario(loaded, effects, set).map(drop).map_err(|e| fault(e.as_ref()))
+    fn loaded(&self, rig: &Input) -> Result<Rig> {
+        Rig::load(&rig.path).map_err(|e| self.source.lacks(format!("{}: {}", rig.name, sentence(&e))))
+    }
+
+    /// Whether the model of a rig has these settings, and can take their values: a slip would fail the task.
+    fn check(&self, rig: &Input, loaded: &Rig, effects: &[Chosen], work: &Work) -> Result<()> {
+        check(loaded, effects, work).map_err(|e| self.source.lacks(format!("{}: {}", rig.name, sentence(e.as_ref()))))
     }
 
     fn add(

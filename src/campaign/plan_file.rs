@@ -1,10 +1,13 @@
 //! A plan file, read: what is written in it, each fault with its line.
 
 use std::collections::BTreeMap;
+use std::fmt;
+use std::marker::PhantomData;
 use std::ops::Range;
 use std::path::Path;
 
-use serde::Deserialize;
+use serde::de::{SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer};
 use toml::Spanned;
 use toml::de::DeTable;
 
@@ -85,28 +88,28 @@ const CASE: [Key; 4] =
 pub struct PlanFile {
     kind: Spanned<String>,
     /// Files that are used one by one, as patterns.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "list")]
     pub recordings: Vec<Spanned<String>>,
     /// The rig that replaces the one in the recordings.
     pub rig: Option<Spanned<String>>,
     /// Rigs that are simulated, as patterns.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "list")]
     pub rigs: Vec<Spanned<String>>,
     /// Models.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "list")]
     pub effects: Vec<Spanned<Vec<String>>>,
     /// What is hidden in the recordings.
     pub truth: Option<Spanned<String>>,
     /// How to search.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "list")]
     pub methods: Vec<Spanned<String>>,
     /// How many seeds.
-    pub starts: Option<Spanned<u32>>,
+    pub starts: Option<Spanned<Count<u32>>>,
     /// The first seed.
     #[serde(default = "first_seed")]
-    pub seed: u64,
+    pub seed: Count<u64>,
     /// Recordings that are used together.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "list")]
     pub case: Vec<Spanned<Case>>,
     /// Values, each one number or several.
     #[serde(default)]
@@ -115,34 +118,73 @@ pub struct PlanFile {
     #[serde(default)]
     pub range: BTreeMap<String, Spanned<[f64; 2]>>,
     /// Parameters that vary.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "list")]
     pub only: Vec<String>,
     /// See the keys of `calibrate` and `sensitivity`.
     #[serde(default)]
     pub options: Options,
 }
 
-fn first_seed() -> u64 {
-    1
+fn first_seed() -> Count<u64> {
+    Count::Is(1)
 }
 
 /// Recordings of one rig that are used together.
 #[derive(Debug, Deserialize)]
+#[serde(expecting = "a table: [[case]]")]
 pub struct Case {
     /// What people call it.
     pub name: Option<String>,
     /// Files, as patterns.
+    #[serde(deserialize_with = "list")]
     pub recordings: Vec<Spanned<String>>,
     /// Models, instead of those of the plan.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "list")]
     pub effects: Vec<Spanned<Vec<String>>>,
     /// What is hidden in it.
     pub truth: Option<Spanned<String>>,
 }
 
+/// A whole number.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(untagged, expecting = "expected a whole number, 0 or more")]
+pub enum Count<T> {
+    /// So many.
+    Is(T),
+}
+
+impl<T: Copy> Count<T> {
+    /// The number.
+    pub fn get(self) -> T {
+        let Count::Is(number) = self;
+        number
+    }
+}
+
+/// A list, with words for one who writes something else.
+fn list<'de, D: Deserializer<'de>, T: Deserialize<'de>>(source: D) -> std::result::Result<Vec<T>, D::Error> {
+    struct Items<T>(PhantomData<T>);
+    impl<'de, T: Deserialize<'de>> Visitor<'de> for Items<T> {
+        type Value = Vec<T>;
+
+        fn expecting(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+            out.write_str("a list, in brackets: [\"…\"]")
+        }
+
+        fn visit_seq<A: SeqAccess<'de>>(self, mut items: A) -> std::result::Result<Vec<T>, A::Error> {
+            let mut all = Vec::new();
+            while let Some(item) = items.next_element()? {
+                all.push(item);
+            }
+            Ok(all)
+        }
+    }
+    source.deserialize_seq(Items(PhantomData))
+}
+
 /// A number or several.
 #[derive(Debug, Clone, Deserialize)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "expected a number, or several in brackets: [0.1, 0.2]")]
 pub enum Values {
     /// One.
     One(f64),
@@ -152,35 +194,36 @@ pub enum Values {
 
 /// Options, as the commands have them.
 #[derive(Debug, Deserialize)]
-#[serde(default)]
+#[serde(default, expecting = "a table: [options]")]
 #[allow(missing_docs)] // the commands' help says it
 pub struct Options {
-    pub most_reaches: Spanned<usize>,
-    pub random_starts: Option<usize>,
-    pub budget: usize,
+    pub most_reaches: Spanned<Count<usize>>,
+    pub random_starts: Option<Count<usize>>,
+    pub budget: Count<usize>,
     pub misfit: Spanned<String>,
     pub hold: BTreeMap<String, Spanned<Values>>,
+    #[serde(deserialize_with = "list")]
     pub ignore: Vec<String>,
     pub within: Option<Spanned<f64>>,
     pub sensor: Option<String>,
-    pub trajectories: usize,
-    pub rows: usize,
+    pub trajectories: Count<usize>,
+    pub rows: Count<usize>,
 }
 
 impl Default for Options {
     fn default() -> Self {
         let usual = Usual::default();
         Options {
-            most_reaches: Spanned::new(0..0, usual.most_reaches),
+            most_reaches: Spanned::new(0..0, Count::Is(usual.most_reaches)),
             random_starts: None,
-            budget: usual.budget,
+            budget: Count::Is(usual.budget),
             misfit: Spanned::new(0..0, "time".to_owned()),
             hold: BTreeMap::new(),
             ignore: Vec::new(),
             within: None,
             sensor: None,
-            trajectories: 50,
-            rows: 512,
+            trajectories: Count::Is(50),
+            rows: Count::Is(512),
         }
     }
 }
@@ -248,13 +291,8 @@ impl Source {
     }
 
     fn toml(&self, error: &toml::de::Error) -> CampaignError {
-        // the parser speaks of types of its source
-        let message = error
-            .message()
-            .replace("expected a sequence", "expected a list, in brackets: [\"…\"]")
-            .replace("expected u32", "expected a whole number from 0 to 4294967295")
-            .replace("expected usize", "expected a whole number, 0 or more");
-        error.span().map_or_else(|| self.lacks(message.clone()), |place| self.fault(place, message.clone()))
+        let message = error.message();
+        error.span().map_or_else(|| self.lacks(message), |place| self.fault(place, message))
     }
 
     fn check_keys(&self, table: &DeTable, heading: &str, keys: &[Key], kind: Kind) -> Result<()> {
@@ -327,7 +365,7 @@ mod tests {
 
     #[test]
     fn a_slip_is_named_with_its_line_and_the_nearest_name() {
-        let cases: [(&str, &[&str]); 10] = [
+        let cases: [(&str, &[&str]); 13] = [
             ("recordings = []", &["no kind of campaign", "calibrate"]),
             ("kind = \"callibrate\"", &["plan.toml:1", "did you mean 'calibrate'"]),
             ("kind = \"diagnose\"\n\neffect = []", &["plan.toml:3", "unknown key 'effect'", "did you mean 'effects'"]),
@@ -337,9 +375,12 @@ mod tests {
             ),
             ("kind = \"calibrate\"\nbudget = 3", &["plan.toml:2", "'budget' belongs in the table [options]"]),
             ("kind = \"calibrate\"\n[options]\nmost_reachs = 3", &["plan.toml:3", "did you mean 'most_reaches'"]),
-            ("kind = \"calibrate\"\nstarts = \"3\"", &["plan.toml:2", "expected a whole number from 0"]),
+            ("kind = \"calibrate\"\nstarts = \"3\"", &["plan.toml:2", "expected a whole number, 0 or more"]),
             ("kind = \"calibrate\"\n[options]\nrandom_starts = -1", &["plan.toml:3", "a whole number, 0 or more"]),
             ("kind = \"calibrate\"\nrecordings = \"a.mcap\"", &["plan.toml:2", "expected a list, in brackets"]),
+            ("kind = \"simulate\"\nseed = 1.5", &["plan.toml:2", "expected a whole number, 0 or more"]),
+            ("kind = \"simulate\"\n[set]\nx = \"a\"", &["plan.toml:3", "expected a number, or several in brackets"]),
+            ("kind = \"calibrate\"\noptions = 3", &["plan.toml:2", "expected a table: [options]"]),
             (
                 "kind = \"calibrate\"\n[[case]]\nrecordings = []\ntruth = \"leak\"",
                 &["plan.toml:4", "is for kind = \"reliability\""],

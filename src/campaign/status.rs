@@ -7,7 +7,8 @@ use serde::{Deserialize, Serialize};
 use crate::campaign::error::{CampaignError, Result};
 use crate::campaign::folder::Folder;
 use crate::campaign::lines;
-use crate::campaign::marks::{Claim, Mark};
+use crate::campaign::marks::Mark;
+use crate::campaign::program::{OtherProgram, others};
 
 /// See the module.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -26,6 +27,8 @@ pub struct Status {
     pub seconds_per_task: Option<f64>,
     /// Time left with as many tasks at work as now, s; of one core where none is at work.
     pub time_left_s: Option<f64>,
+    /// Results of other programs than this one: their numbers may be others.
+    pub other_programs: Vec<OtherProgram>,
     /// Why tasks failed, by name.
     pub failures: Vec<Failure>,
 }
@@ -68,7 +71,18 @@ pub fn status(folder: &Folder) -> Result<Status> {
         _ => seconds_per_task.map(|seconds| seconds * missing as f64 / at_work.max(1) as f64),
     };
     let failures = if failed > 0 { failures(folder, &all)? } else { Vec::new() };
-    Ok(Status { tasks: all.len(), done, failed, missing, at_work, seconds_per_task, time_left_s, failures })
+    let other_programs = others(folder)?;
+    Ok(Status {
+        tasks: all.len(),
+        done,
+        failed,
+        missing,
+        at_work,
+        seconds_per_task,
+        time_left_s,
+        other_programs,
+        failures,
+    })
 }
 
 /// Why the tasks failed whose marks say so, in the order of their names. Of a task that failed before it was tried again, the last reason.
@@ -107,12 +121,6 @@ pub fn retry(folder: &Folder) -> Result<usize> {
     let place = folder.place("marks");
     let marks = folder.marks()?;
     let all = marks.all().map_err(CampaignError::io("read", &place))?;
-    let mut cleared = 0;
-    for (task, _) in all.iter().enumerate().filter(|(_, mark)| **mark == Mark::Failed) {
-        if marks.claim(task, Mark::Failed).map_err(CampaignError::io("lock", &place))? == Claim::Ours {
-            marks.set(task, Mark::Missing).map_err(CampaignError::io("write", &place))?;
-            cleared += 1;
-        }
-    }
-    Ok(cleared)
+    let failed = all.iter().enumerate().filter(|(_, mark)| **mark == Mark::Failed).map(|(task, _)| task);
+    marks.clear(failed, Mark::Failed).map_err(CampaignError::unwritten(&place))
 }

@@ -9,13 +9,14 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use serde_json::json;
+use serde_json::{Value, json};
 
 use crate::campaign::child::Answer;
 use crate::campaign::error::{CampaignError, Result};
 use crate::campaign::folder::Folder;
 use crate::campaign::lines::sealed;
 use crate::campaign::marks::{Mark, Marks};
+use crate::campaign::program::PROGRAM;
 use crate::campaign::task::Task;
 
 /// Time between two requests to the disk.
@@ -59,12 +60,17 @@ impl Store<'_> {
         let mut inner = self.inner.lock().unwrap_or_else(PoisonError::into_inner);
         let mark = match answer {
             Answer::Found(document) => {
-                let line = format!("{{\"task\":\"{}\",\"seconds\":{seconds:.6},\"answer\":{document}}}", task.task);
+                let (task, program) = (&task.task, Value::from(PROGRAM));
+                let line = format!(
+                    "{{\"task\":\"{task}\",\"program\":{program},\"seconds\":{seconds:.6},\"answer\":{document}}}"
+                );
                 inner.results.append(&sealed(&line))?;
                 Mark::Done
             }
             Answer::Failed(reason) => {
-                let line = json!({ "task": task.task, "seconds": seconds, "what": task.in_words(), "reason": reason });
+                let line = json!({
+                    "task": task.task, "program": PROGRAM, "seconds": seconds, "what": task.in_words(), "reason": reason,
+                });
                 inner.failures.append(&sealed(&line.to_string()))?;
                 Mark::Failed
             }
@@ -101,7 +107,7 @@ impl Inner {
         self.failures.sync()?;
         let place = self.results.folder.with_file_name("marks");
         for (number, mark) in self.pending.drain(..) {
-            marks.set(number, mark).map_err(|source| CampaignError::Unwritten { path: place.clone(), source })?;
+            marks.set(number, mark).map_err(CampaignError::unwritten(&place))?;
         }
         Ok(())
     }
@@ -116,7 +122,7 @@ impl Appended {
         if let Err(source) = file.write_all(line.as_bytes()) {
             // what went out of it is no line; a reader would leave it out as well
             let _ = file.set_len(self.length);
-            return Err(CampaignError::Unwritten { path: path.clone(), source });
+            return Err(CampaignError::unwritten(path)(source));
         }
         self.length += line.len() as u64;
         Ok(())
@@ -124,21 +130,20 @@ impl Appended {
 
     fn sync(&self) -> Result<()> {
         let Some((path, file)) = &self.file else { return Ok(()) };
-        file.sync_data().map_err(|source| CampaignError::Unwritten { path: path.clone(), source })
+        file.sync_data().map_err(CampaignError::unwritten(path))
     }
 }
 
 /// A file that no other runner has, on any machine.
 fn created(folder: &Path, stem: &str) -> Result<(PathBuf, File)> {
-    let failed = |path: &Path, source| CampaignError::Unwritten { path: path.to_owned(), source };
-    fs::create_dir_all(folder).map_err(|e| failed(folder, e))?;
+    fs::create_dir_all(folder).map_err(CampaignError::unwritten(folder))?;
     let mut run = 1;
     loop {
         let path = folder.join(format!("{stem}-run-{run}.jsonl"));
         match OpenOptions::new().append(true).create_new(true).open(&path) {
             Ok(file) => return Ok((path, file)),
             Err(e) if e.kind() == io::ErrorKind::AlreadyExists => run += 1,
-            Err(e) => return Err(failed(&path, e)),
+            Err(e) => return Err(CampaignError::unwritten(&path)(e)),
         }
     }
 }

@@ -1,6 +1,6 @@
 //! All results of a campaign in one table: a row a task, sorted by its name, the same however and wherever the tasks were done.
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::path::PathBuf;
 
 use serde::Deserialize;
@@ -9,13 +9,15 @@ use serde_json::Value;
 use crate::campaign::error::{CampaignError, Result};
 use crate::campaign::folder::Folder;
 use crate::campaign::lines;
+use crate::campaign::program::unnamed;
 use crate::campaign::status::Failure;
 use crate::campaign::task::{Input, Task, Work};
 use crate::results::fit_record::FitRecord;
 use crate::results::table::Table;
 
 /// Columns that every table has.
-const COLUMNS: [&str; 9] = ["task", "kind", "case", "recordings", "effects", "method", "seed", "state", "reason"];
+const COLUMNS: [&str; 10] =
+    ["task", "kind", "case", "recordings", "effects", "method", "seed", "state", "reason", "program"];
 
 /// A table, and what is not in it.
 pub struct Gathered {
@@ -25,6 +27,8 @@ pub struct Gathered {
     pub missing: usize,
     /// Tasks that have failed.
     pub failed: usize,
+    /// The programs that have found the results, by name.
+    pub programs: BTreeSet<String>,
     /// Files of results with lines that are cut off or damaged, which count as missing.
     pub damaged: Vec<PathBuf>,
 }
@@ -33,6 +37,8 @@ pub struct Gathered {
 #[derive(Deserialize)]
 struct Line<'a> {
     task: String,
+    #[serde(default = "unnamed")]
+    program: String,
     #[serde(borrow)]
     answer: &'a serde_json::value::RawValue,
 }
@@ -65,14 +71,18 @@ type Cells = Vec<(String, String)>;
 pub fn gather(folder: &Folder) -> Result<Gathered> {
     let tasks: Vec<Task> = folder.tasks(|_| true)?.into_iter().map(|(_, task)| task).collect();
     let place = |name: &str| tasks.binary_search_by(|task| task.task.as_str().cmp(name)).ok();
-    let mut found: Vec<Option<Cells>> = vec![None; tasks.len()];
+    let mut found: Vec<Option<(Cells, String)>> = vec![None; tasks.len()];
+    let mut programs = BTreeSet::new();
     let mut damaged = Vec::new();
     let mut unread = None;
     each_line(folder.results(), &mut damaged, |line| {
-        let Ok(Line { task, answer }) = serde_json::from_str::<Line>(line) else { return };
+        let Ok(Line { task, program, answer }) = serde_json::from_str::<Line>(line) else { return };
         let Some(at) = place(&task).filter(|at| found[*at].is_none()) else { return };
         match cells(&tasks[at], answer.get()) {
-            Ok(cells) => found[at] = Some(cells),
+            Ok(cells) => {
+                programs.insert(program.clone());
+                found[at] = Some((cells, program));
+            }
             Err(e) => drop(unread.get_or_insert((task, e))),
         }
     })?;
@@ -93,26 +103,28 @@ pub fn gather(folder: &Folder) -> Result<Gathered> {
         cells.iter().map(|(name, _)| columns.place(name)).collect()
     };
     let places: Vec<Vec<usize>> =
-        found.iter().map(|cells| cells.as_ref().map_or(Vec::new(), |c| placed(c, &mut columns))).collect();
+        found.iter().map(|one| one.as_ref().map_or(Vec::new(), |(cells, _)| placed(cells, &mut columns))).collect();
     let (mut missing, mut failed) = (0, 0);
     let mut rows = Vec::with_capacity(tasks.len());
-    for (((task, cells), places), reason) in tasks.iter().zip(found).zip(places).zip(reasons) {
-        let (state, reason) = match (&cells, reason) {
+    for (((task, found), places), reason) in tasks.iter().zip(found).zip(places).zip(reasons) {
+        let (state, reason) = match (&found, reason) {
             (Some(_), _) => ("done", None),
             (None, Some(reason)) => ("failed", Some(reason)),
             (None, None) => ("missing", None),
         };
         missing += usize::from(state == "missing");
         failed += usize::from(state == "failed");
+        let (cells, program) = found.unwrap_or_default();
         let mut row = about(task, state, reason.unwrap_or_default());
+        row.push(program);
         row.resize(COLUMNS.len() + columns.names.len(), String::new());
-        for ((_, text), place) in cells.unwrap_or_default().into_iter().zip(places) {
+        for ((_, text), place) in cells.into_iter().zip(places) {
             row[COLUMNS.len() + place] = text;
         }
         rows.push(row);
     }
     let names = COLUMNS.iter().map(|name| (*name).to_owned()).chain(columns.names).collect();
-    Ok(Gathered { table: Table { columns: names, rows }, missing, failed, damaged })
+    Ok(Gathered { table: Table { columns: names, rows }, missing, failed, programs, damaged })
 }
 
 fn each_line(path: PathBuf, damaged: &mut Vec<PathBuf>, mut take: impl FnMut(&str)) -> Result<()> {

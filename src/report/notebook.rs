@@ -6,7 +6,6 @@ use crate::recording::{Recording, Series as Samples};
 use crate::report::Stage;
 use crate::report::calibration::{parameters, sensor};
 use crate::report::diagnosis::{self, ranking};
-use crate::report::html::page::CSS;
 use crate::report::page::judged;
 use crate::report::svg::{LineChart, Series, Style};
 use crate::report::text::escape::escape;
@@ -20,10 +19,24 @@ use crate::rig::{Sensor, SensorKind};
 /// Stretches of a trace that are drawn.
 const DRAWN: usize = 420;
 
-/// What a page's body has, for a piece that lies in another page.
-const OWN: &str = ":scope { display: block; padding: 0.5rem 1rem 1rem; max-width: 1000px; color: var(--text); background: var(--ground); \
-                   font: 14px/1.5 system-ui, -apple-system, \"Segoe UI\", Roboto, \"Helvetica Neue\", Arial, sans-serif; \
-                   font-variant-numeric: tabular-nums; } h2 { margin-top: 1.25rem; } h3 { margin-top: 1rem; }";
+/// The style of a piece. Its rules have the weight of an id, so that those of a notebook for all tables and headings do not mix with them (a row
+/// may be dark in one and its text, too, in the other). The colours are those of the notebook where it says whether it is dark (JupyterLab, VS
+/// Code, Colab, marimo and Sphinx do), else those of the reader's system.
+const STYLE: &str = concat!(
+    ":is(.surgescope, #surgescope) {\n:where(:not(svg, svg *)) { all: revert; }\n& {\n",
+    include_str!("html/assets/light.css"),
+    "}\n@media screen and (prefers-color-scheme: dark) { & {\n",
+    include_str!("html/assets/dark.css"),
+    "} }\n:is([data-jp-theme-light=\"false\"], .vscode-dark, [theme=\"dark\"], .dark, [data-theme=\"dark\"]) & {\n",
+    include_str!("html/assets/dark.css"),
+    "}\n:is([data-jp-theme-light=\"true\"], .vscode-light, [theme=\"light\"], .light, [data-theme=\"light\"]) & {\n",
+    include_str!("html/assets/light.css"),
+    "}\n",
+    include_str!("html/assets/page.css"),
+    "& { display: block; padding: 0.5rem 1rem 1rem; max-width: 1000px; color: var(--text); background: var(--ground); ",
+    "font: 14px/1.5 system-ui, -apple-system, \"Segoe UI\", Roboto, \"Helvetica Neue\", Arial, sans-serif; ",
+    "font-variant-numeric: tabular-nums; }\nh2 { margin-top: 1.25rem; }\nh3 { margin-top: 1rem; }\n}"
+);
 
 /// A fit: how far it errs, its curves and residuals at each sensor, its parameters.
 pub fn fit(fit: &Fit, warnings: &[String]) -> String {
@@ -54,9 +67,8 @@ pub fn recording(file: &str, recording: &Recording) -> String {
 }
 
 fn piece(kind: &str, (mark, class, verdict): (&str, &str, String), body: &str) -> String {
-    let css = CSS.replace(":root", ":scope");
     format!(
-        "<div class=\"surgescope\" data-piece=\"{kind}\"><style>@scope (.surgescope) {{\n{css}\n{OWN}\n}}</style>\n\
+        "<div class=\"surgescope\" data-piece=\"{kind}\"><style>{STYLE}</style>\n\
          <p class=\"verdict {class}\"><span class=\"mark\" aria-hidden=\"true\">{mark}</span> <span>{}</span></p>\n{body}</div>",
         escape(&verdict)
     )
@@ -124,11 +136,11 @@ mod tests {
             .options(crate::fit::search::options::Options { most_reaches: 32, ..Default::default() });
         let shown = fit(&fitted.run().unwrap(), &["a <b> & c".to_owned()]);
         assert!(
-            shown.starts_with("<div class=\"surgescope\"") && shown.contains("@scope (.surgescope)"),
+            shown.starts_with("<div class=\"surgescope\"") && shown.contains("<style>:is(.surgescope, #surgescope) {"),
             "{shown:.200}"
         );
         assert!(shown.contains("<svg") && shown.contains("wave_speed_m_s") && shown.contains("a &lt;b&gt; &amp; c"));
-        assert!(!shown.contains(":root") && !shown.contains("<script"));
+        assert!(!shown.contains("<script"));
 
         let mut recorded = study.recordings()[0].recording.clone();
         let pressure = recorded.rig.pressure_sensors().next().unwrap().0;

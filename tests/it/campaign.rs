@@ -115,6 +115,13 @@ fn a_slip_of_a_plan_is_refused_with_its_line() {
     let rig = here("rigs/demo-hdpe.toml");
     let simulations = format!("kind = \"simulate\"\nrigs = [{rig:?}]\n[set]\nwave_sped = 300.0\n");
     study.refusal(&simulations, &["demo-hdpe.toml", "did you mean 'wave_speed_m_s'"]);
+    let grid = format!("kind = \"simulate\"\nrigs = [{rig:?}]\n[set]\nwave_speed_m_s = [300.0, 310.0, -320.0]\n");
+    study.refusal(&grid, &["demo-hdpe.toml", "wave_speed_m_s = -320", "more than zero"]);
+    let drawn = format!("kind = \"simulate\"\nrigs = [{rig:?}]\nstarts = 40\n[range]\nclosing_time_s = [-0.1, 1.0]\n");
+    study.refusal(&drawn, &["demo-hdpe.toml", "closing_time_s = -"]);
+    let design = format!("kind = \"sensitivity\"\nrigs = [{rig:?}]\n");
+    study.refusal(&format!("{design}only = [\"J1_per_GPa\"]\n"), &["demo-hdpe.toml", "J1_per_GPa"]);
+    study.refusal(&format!("{design}[options]\nsensor = \"P9\"\n"), &["demo-hdpe.toml", "P9"]);
     refused(&["campaign", "run", text(study.place.path())], &["no folder of a campaign", "campaign plan"]);
 }
 
@@ -160,6 +167,57 @@ fn an_input_that_changed_or_vanished_fails_its_tasks_and_no_other() {
     run(&["campaign", "status", text(&folder), "--retry"]);
     assert_eq!(ran(&folder, &[])["done"], tasks / 3);
     assert_eq!(counts(&status(&folder).1), [2 * tasks / 3, tasks / 3, 0]);
+}
+
+/// Lets the results of a campaign be those of another build of the program.
+fn by_another_program(folder: &Path) {
+    for file in fs::read_dir(folder.join("results")).unwrap() {
+        let path = file.unwrap().path();
+        let of = |line: &str| {
+            let mut result: Value = serde_json::from_str(line).unwrap();
+            assert!(result["program"].as_str().unwrap().starts_with("surgescope "), "{result}");
+            result.as_object_mut().unwrap().remove("check");
+            result["program"] = "surgescope 0.0.9".into();
+            surgescope::campaign::lines::sealed(&result.to_string())
+        };
+        let lines: String = fs::read_to_string(&path).unwrap().lines().map(of).collect();
+        fs::write(path, lines).unwrap();
+    }
+}
+
+#[test]
+fn results_of_another_program_are_called_out_and_found_again_where_that_is_asked_for() {
+    let study = Study::new(FITS, &[NOTHING]);
+    let (folder, tasks) = study.planned("campaign");
+    let first = ran(&folder, &["--shard", "1/2"])["done"].as_u64().unwrap();
+    assert_eq!(status(&folder).1["other_programs"], serde_json::json!([]));
+    by_another_program(&folder);
+    let (code, _, err) = ended(runner(&folder, &[]).output().unwrap());
+    assert!(code == 0 && err.contains("3 results are of another program: surgescope 0.0.9"), "{err}");
+    let said = status(&folder).1;
+    assert_eq!(said["other_programs"], serde_json::json!([{ "program": "surgescope 0.0.9", "results": first }]));
+    let (_, _, err) = ended(run(&["results", text(&folder), "-o", text(&study.file("mixed.csv"))]));
+    assert!(err.contains("the rows are of 2 programs"), "{err}");
+    let mixed = fs::read_to_string(study.file("mixed.csv")).unwrap();
+    assert_eq!(mixed.lines().filter(|row| row.contains(",surgescope 0.0.9,")).count() as u64, first);
+
+    run(&["campaign", "status", text(&folder), "--retry=other-program"]);
+    assert_eq!(counts(&status(&folder).1), [tasks - first, 0, first]);
+    assert_eq!(ran(&folder, &[])["done"], first);
+    let (whole, _) = study.planned("whole");
+    ran(&whole, &[]);
+    assert_eq!(table(&folder), table(&whole));
+    assert!(fs::read_dir(folder.join("results/aside")).unwrap().count() > 0);
+}
+
+#[test]
+fn a_folder_without_marks_is_looked_at_without_writing_to_it() {
+    let study = Study::new(FITS, &[NOTHING]);
+    let (folder, tasks) = study.planned("campaign");
+    let done = ran(&folder, &["--shard", "1/3"])["done"].as_u64().unwrap();
+    fs::remove_file(folder.join("marks")).unwrap();
+    assert_eq!(counts(&status(&folder).1), [done, 0, tasks - done]);
+    assert!(!folder.join("marks").exists());
 }
 
 #[test]

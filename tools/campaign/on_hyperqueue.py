@@ -1,12 +1,15 @@
 """200 fits by HyperQueue on this machine: two workers, one killed in the middle; the table is that of a serial run, byte for byte.
 
     python tools/campaign/on_hyperqueue.py PROGRAM      (pip install hyperqueue)
+    python tools/campaign/on_hyperqueue.py PROGRAM HQ   with the program `hq`: the job that `campaign submit --to hq --go` writes and starts
 
 The wheel holds HyperQueue's server and worker and no `hq` program. A worker lives in the process of its server, so each of the two has a process of its own,
-with its own server. Both are given all shards, for runners share a campaign's folder, and the one that is left finishes the work of the other.
+with its own server. Both are given all shards, for runners share a campaign's folder, and the one that is left finishes the work of the other. With `hq`, two
+workers have one server, which gives the killed one's shards to the other.
 """
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -32,7 +35,32 @@ def work(program, folder, server, first):
         client.wait_for_jobs([client.submit(job)])
 
 
-def main(program):
+def library_workers(program, place):
+    """Two workers by the library, each with its server and the whole job."""
+    for number in range(2):
+        server = place / f"server-{number}"
+        server.mkdir()
+        words = ["work", program, place / "array", server, number * SHARDS // 2]
+        yield subprocess.Popen([sys.executable, __file__, *map(str, words)])
+
+
+def hq_workers(hq, program, place):
+    """Two workers of one server by the program `hq`, and the server; the job is submitted as a user does."""
+    os.environ["HQ_SERVER_DIR"] = str(place / "server")
+    os.environ["PATH"] = f"{Path(hq).resolve().parent}:{os.environ['PATH']}"
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    server = subprocess.Popen([hq, "server", "start"], **quiet)
+    ready = time.monotonic() + LIMIT_S
+    while subprocess.run([hq, "server", "info"], **quiet).returncode != 0:
+        assert time.monotonic() < ready and server.poll() is None, "hq's server does not start"
+        time.sleep(0.1)
+    for _ in range(2):
+        yield subprocess.Popen([hq, "worker", "start", "--cpus", "1"], **quiet)
+    subprocess.run([program, "campaign", "submit", place / "array", "--to", "hq", "--go"], check=True)
+    yield server
+
+
+def main(program, hq=None):
     program = str(Path(program).resolve())
     recording = Path(__file__).resolve().parents[2] / "recordings/copper-leak.mcap"
     with tempfile.TemporaryDirectory() as place:
@@ -58,27 +86,24 @@ def main(program):
 
         began = time.monotonic()
         workers = []
-        for number in range(2):
-            server = place / f"server-{number}"
-            server.mkdir()
-            words = ["work", program, place / "array", server, number * SHARDS // 2]
-            workers.append(subprocess.Popen([sys.executable, __file__, *map(str, words)]))
         try:
+            workers.extend(hq_workers(hq, program, place) if hq else library_workers(program, place))
             while (finished := done()) < TASKS // 4:
                 assert time.monotonic() - began < LIMIT_S, f"only {finished} tasks done"
                 time.sleep(0.1)
             assert workers[1].poll() is None and finished < TASKS, "all was done before a worker could be killed"
             workers[1].send_signal(signal.SIGKILL)
             print(f"one of two workers killed with {finished} of {TASKS} tasks done")
-            assert workers[0].wait(LIMIT_S) == 0, "the other worker's job failed"
+            if not hq:
+                assert workers[0].wait(LIMIT_S) == 0, "the other worker's job failed"
+            while done() < TASKS:  # a runner of the killed worker may be at its last task
+                assert time.monotonic() - began < LIMIT_S, f"{done()} of {TASKS} tasks done"
+                time.sleep(0.1)
+            array_s = time.monotonic() - began
         finally:
             for worker in workers:
                 worker.kill()
                 worker.wait()
-        while done() < TASKS:  # a runner of the killed worker may be at its last task
-            assert time.monotonic() - began < LIMIT_S, f"{done()} of {TASKS} tasks done"
-            time.sleep(0.1)
-        array_s = time.monotonic() - began
         for name in ("serial", "array"):
             surgescope("results", place / name, "-o", place / f"{name}.csv")
         tables = [(place / f"{name}.csv").read_bytes() for name in ("serial", "array")]
@@ -91,4 +116,4 @@ if __name__ == "__main__":
     if sys.argv[1] == "work":
         work(*sys.argv[2:])
     else:
-        main(sys.argv[1])
+        main(*sys.argv[1:])

@@ -107,8 +107,16 @@ fn write(table: &Table, args: &Args) -> Result<(), AnyError> {
 
 /// The table of a campaign.
 fn campaign(folder: &Folder, args: &Args, json: bool) -> CommandResult {
-    let Gathered { table, missing, failed, damaged } = gather(folder)?;
+    let Gathered { table, missing, failed, programs, damaged } = gather(folder)?;
     write(&table, args)?;
+    if programs.len() > 1 {
+        tell_warning!(
+            "the rows are of {} programs, whose numbers may differ (column 'program'): {}. `surgescope campaign status {}` says how to have them of one",
+            programs.len(),
+            programs.iter().map(|program| program.shown().into_owned()).collect::<Vec<_>>().join(", "),
+            folder.root().shown()
+        );
+    }
     // one that was done again is in another file
     for file in damaged.iter().filter(|_| missing > 0) {
         tell_warning!("{} has lines that were cut off or damaged: their tasks count as missing", file.shown());

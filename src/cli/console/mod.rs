@@ -7,6 +7,7 @@ pub(crate) mod hints;
 pub(crate) mod last_words;
 pub(crate) mod live;
 pub mod outcome;
+pub mod own_program;
 pub(crate) mod page;
 pub(crate) mod print;
 pub(crate) mod progress;

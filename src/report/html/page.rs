@@ -4,7 +4,15 @@ use std::fmt::Write;
 
 use crate::report::text::escape::escape;
 
-pub(crate) const CSS: &str = include_str!("assets/page.css");
+/// A page's style; its colours are as the reader's system has them, light or dark.
+pub(crate) const CSS: &str = concat!(
+    ":root {\n",
+    include_str!("assets/light.css"),
+    "}\n@media screen and (prefers-color-scheme: dark) { :root {\n",
+    include_str!("assets/dark.css"),
+    "} }\n",
+    include_str!("assets/page.css")
+);
 const UPLOT_CSS: &str = include_str!("assets/uplot/uPlot.min.css");
 
 /// What a page with charts to zoom into may load and run.

@@ -12,7 +12,7 @@ use rayon::ThreadPoolBuilder;
 use surgescope::fit::progress::Progress as Heard;
 use surgescope::model::stop::heed;
 
-use crate::error::{AnyError, fault, refused};
+use crate::error::{AnyError, fault, refused, sentence};
 
 /// How often Ctrl-C and the progress are looked at: a person takes a tenth of a second for at once.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
@@ -98,6 +98,9 @@ pub fn on_all_cores<T: Send + 'static>(
     progress: Option<&Bound<'_, PyAny>>,
     work: impl FnOnce(&Told) -> Result<T, AnyError> + Send + 'static,
 ) -> PyResult<T> {
+    if threads == Some(0) {
+        return Err(sentence("threads must be 1 or more; leave it out for all cores"));
+    }
     let stop = Arc::new(AtomicBool::new(false));
     let heeding = stop.clone();
     started(py, stop, progress, move |told| {

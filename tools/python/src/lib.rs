@@ -21,9 +21,12 @@ use std::ffi::OsString;
 
 use pyo3::prelude::*;
 
-/// Runs the program with its arguments, its name first, and returns the exit code.
+/// Runs the program with its arguments, the script that calls it first, and returns the exit code.
 #[pyfunction]
 fn run_program(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
+    if let Some(script) = arguments.first() {
+        surgescope::cli::console::own_program::called_by(script.into());
+    }
     py.detach(|| surgescope::cli::run(&arguments))
 }
 

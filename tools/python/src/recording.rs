@@ -396,6 +396,9 @@ fn taken(
         columns: Vec::new(),
         names: Vec::new(),
     };
+    if path.is_dir() {
+        return Err(LogError::Folder(path.into()).into());
+    }
     let Some(rig) = rig else {
         if !is_mcap && path.exists() {
             return Err("the rig is missing, which says what each column measures and where: give it as rig=; `surgescope rig new` writes one".into());

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use numpy::{AllowTypeChange, PyArray1, PyArray2, PyArrayLike1, PyArrayMethods};
+use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rayon::prelude::*;
@@ -14,6 +14,7 @@ use surgescope::rig;
 use surgescope::simulate::cavities::unmodelled;
 use surgescope::simulate::scenario::{Scenario, ValveForm};
 
+use crate::arrays::numbers;
 use crate::call::{Progress, on_all_cores, on_one};
 use crate::error::{AnyError, refused, sentence, warn};
 use crate::rig::GivenRig;
@@ -60,7 +61,7 @@ pub fn pairs(given: Option<&Bound<'_, PyDict>>) -> PyResult<Vec<(String, f64)>> 
 
 /// A finite number.
 fn number(name: &Bound<'_, PyAny>, value: &Bound<'_, PyAny>) -> PyResult<f64> {
-    let number: f64 = value.extract()?;
+    let number: f64 = value.extract().map_err(|_| sentence(format!("{name} = {value} is not a number")))?;
     if number.is_finite() { Ok(number) } else { Err(sentence(format!("{name} = {number} is not a finite number"))) }
 }
 
@@ -75,8 +76,8 @@ fn valve_form(name: &str) -> PyResult<ValveForm> {
 }
 
 /// Times that a model can be asked for.
-fn checked(times_s: &PyArrayLike1<'_, f64, AllowTypeChange>) -> PyResult<Vec<f64>> {
-    let times_s: Vec<f64> = times_s.as_array().to_vec();
+fn checked(times_s: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
+    let times_s = numbers("times_s", times_s)?;
     match times_s.iter().find(|t| !t.is_finite()) {
         Some(strange) => Err(sentence(format!("times_s has {strange}: give finite times, s"))),
         None => Ok(times_s),
@@ -118,12 +119,12 @@ pub fn simulate<'py>(
     rig: GivenRig<'py>,
     effects: Effects,
     set: Option<Bound<'py, PyDict>>,
-    times_s: PyArrayLike1<'py, f64, AllowTypeChange>,
+    times_s: &Bound<'py, PyAny>,
     valve: &str,
     readings: bool,
 ) -> PyResult<Bound<'py, PyDict>> {
     let (rig, effects, settings, valve) = (rig.rig(py)?, effects.chosen(py)?, pairs(set.as_ref())?, valve_form(valve)?);
-    let times_s = checked(&times_s)?;
+    let times_s = checked(times_s)?;
     let names = names(&rig);
     let (values, cavities) = on_one(py, move || {
         let scenario = Scenario::new((*rig).clone(), &effects, valve, &settings)?;
@@ -139,16 +140,20 @@ pub fn simulate<'py>(
 }
 
 /// A column of a table of parameters.
-type Column<'py> = (String, PyArrayLike1<'py, f64, AllowTypeChange>);
+type Column = (String, Vec<f64>);
 
 /// The columns of a dict of arrays, or of a DataFrame of pandas or polars.
-fn columns<'py>(table: &Bound<'py, PyAny>) -> PyResult<Vec<Column<'py>>> {
+fn columns(table: &Bound<'_, PyAny>) -> PyResult<Vec<Column>> {
     let names = match table.getattr_opt("columns")? {
         Some(names) => names,
         None => table.call_method0("keys")?,
     };
-    let column = |name: Bound<'py, PyAny>| Ok((name.extract::<String>()?, table.get_item(&name)?.extract()?));
-    names.try_iter()?.map(|name| column(name?)).collect()
+    let column = |key: Bound<'_, PyAny>| {
+        let name: String = key.extract()?;
+        let values = numbers(&name, &table.get_item(&key)?)?;
+        Ok((name, values))
+    };
+    names.try_iter()?.map(|key| column(key?)).collect()
 }
 
 /// `simulate` for each row of a table of parameters, on all cores.
@@ -171,7 +176,7 @@ pub fn simulate_many<'py>(
     effects: Effects,
     table: &Bound<'py, PyAny>,
     set: Option<Bound<'py, PyDict>>,
-    times_s: PyArrayLike1<'py, f64, AllowTypeChange>,
+    times_s: &Bound<'py, PyAny>,
     valve: &str,
     readings: bool,
     threads: Option<usize>,
@@ -179,20 +184,20 @@ pub fn simulate_many<'py>(
     progress: Option<Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let (rig, effects, shared, valve) = (rig.rig(py)?, effects.chosen(py)?, pairs(set.as_ref())?, valve_form(valve)?);
-    let times_s = checked(&times_s)?;
+    let times_s = checked(times_s)?;
     let keeps_failed = match failed {
         "raise" => false,
         "nan" => true,
         _ => return Err(sentence(format!("failed = '{failed}' is none of raise, nan"))),
     };
     let columns = columns(table)?;
-    let rows = columns.first().map_or(0, |(_, values)| values.as_array().len());
-    if let Some((name, values)) = columns.iter().find(|(_, values)| values.as_array().len() != rows) {
-        let (first, own) = (&columns[0].0, values.as_array().len());
+    let rows = columns.first().map_or(0, |(_, values)| values.len());
+    if let Some((name, values)) = columns.iter().find(|(_, values)| values.len() != rows) {
+        let (first, own) = (&columns[0].0, values.len());
         return Err(sentence(format!("the table has {rows} values of {first} and {own} of {name}: give each as many")));
     }
     let row = |i: usize| -> Vec<(String, f64)> {
-        let own = columns.iter().map(|(name, values)| (name.clone(), values.as_array()[i]));
+        let own = columns.iter().map(|(name, values)| (name.clone(), values[i]));
         own.chain(shared.iter().cloned()).collect()
     };
     let settings: Vec<Vec<(String, f64)>> = (0..rows).map(row).collect();
@@ -205,20 +210,19 @@ pub fn simulate_many<'py>(
             stop_if_told();
             Scenario::new((*rig).clone(), &effects, valve, settings)
         };
-        // Names and ranges first: a slip in the last row need not wait for the others.
-        let scenarios: Vec<_> = settings.par_iter().map(scenario).collect();
-        let scenarios = checked_rows(scenarios, keeps_failed)?;
-        let run = |scenario: &Option<Scenario>| {
-            let Some(scenario) = scenario else { return Ok(None) };
+        // Names and ranges first: a slip in the last row need not wait for the others. None is kept, for each holds a rig.
+        checked_rows(settings.par_iter().map(|row| scenario(row).map(drop)).collect(), keeps_failed)?;
+        let run = |settings: &Vec<(String, f64)>| {
+            let scenario = scenario(settings)?;
             let traces = scenario.simulate(until_s)?;
             told.tell(Progress::counted(counted.fetch_add(1, Ordering::Relaxed) + 1, rows));
-            Ok(Some(shown(scenario, &traces, &times_s, readings)))
+            Ok(shown(&scenario, &traces, &times_s, readings))
         };
-        let simulated: Vec<Result<_, AnyError>> = scenarios.par_iter().map(run).collect();
+        let simulated: Vec<Result<_, AnyError>> = settings.par_iter().map(run).collect();
         let simulated = checked_rows(simulated, keeps_failed)?;
         let mut heads: Vec<Vec<f64>> = sensors.iter().map(|_| Vec::with_capacity(rows * samples)).collect();
         for row in simulated {
-            let mut row = row.flatten().unwrap_or_default().into_iter();
+            let mut row = row.unwrap_or_default().into_iter();
             for all in &mut heads {
                 let before = all.len();
                 all.extend(row.next().unwrap_or_default());

@@ -5,6 +5,7 @@ use std::sync::{Arc, OnceLock};
 
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
+use surgescope::cli::args::values;
 use surgescope::fit::outcome::fit::Fit as Fitted;
 use surgescope::fit::problem::method::Method;
 use surgescope::fit::search::options::Options;
@@ -152,7 +153,9 @@ fn held(given: Option<&Bound<'_, PyDict>>) -> PyResult<Vec<Hold>> {
         let name: String = name.extract()?;
         let (lower, upper) = match value.extract::<f64>() {
             Ok(value) => (value, value),
-            Err(_) => value.extract::<(f64, f64)>()?,
+            Err(_) => value.extract::<(f64, f64)>().map_err(|_| {
+                sentence(format!("hold {name}: give a number, or the least and the greatest of two, not {value}"))
+            })?,
         };
         match lower <= upper && lower.is_finite() && upper.is_finite() {
             true => Ok(Hold { name, lower, upper }),
@@ -168,6 +171,12 @@ fn method(name: &str) -> PyResult<Method> {
     let known = || Method::ALL.map(Method::name).join(", ");
     let found = Method::ALL.into_iter().find(|method| method.name() == name);
     found.ok_or_else(|| sentence(format!("method = '{name}' is none of {}", known())))
+}
+
+/// The finest grid, where one is given.
+fn reaches(given: Option<usize>) -> PyResult<Option<usize>> {
+    let checked = given.map(|given| values::reaches(&given.to_string())).transpose();
+    checked.map_err(|words| sentence(format!("most_reaches {words}")))
 }
 
 /// Warns of values that no fit would take.
@@ -257,6 +266,7 @@ impl Study {
         progress: Option<Bound<'py, PyAny>>,
     ) -> PyResult<Fit> {
         let (effects, hold, start) = (effects.chosen(py)?, held(hold.as_ref())?, pairs(start.as_ref())?);
+        let most_reaches = reaches(most_reaches)?;
         let search = Search { method: self::method(method)?, starts, budget, steps, seed, start };
         let options = search.options(None).map_err(|error| refused(py, &error))?;
         search
@@ -293,7 +303,7 @@ impl Study {
         threads: Option<usize>,
         progress: Option<Bound<'py, PyAny>>,
     ) -> PyResult<Diagnosis> {
-        let (effects, hold) = (effects.chosen(py)?, held(hold.as_ref())?);
+        let (effects, hold, most_reaches) = (effects.chosen(py)?, held(hold.as_ref())?, reaches(most_reaches)?);
         warn_held(py, &self.0.study(py)?, &effects, &hold)?;
         let found = self.0.computed(py, Call { threads, progress }, move |study| {
             let usual = Options::default();

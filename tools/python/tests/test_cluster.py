@@ -1,9 +1,11 @@
-"""Other processes: dask and joblib map over the package as over any function."""
+"""Other processes: dask, joblib and Ray map over the package as over any function."""
 
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
+from pathlib import Path
 
 import numpy as np
+import pytest
 import surgescope as ss
 from conftest import RECORDINGS, RIGS
 
@@ -41,6 +43,22 @@ def test_joblib_maps_over_studies(study: ss.Study) -> None:
     fits = Parallel(n_jobs=2)(delayed(fitted)(study, model) for model in models)
     here = [fitted(study, model) for model in models]
     assert [[p.value for p in fit.parameters.values()] for fit in fits] == [[p.value for p in fit.parameters.values()] for fit in here]
+
+
+def test_ray_maps_over_studies(study: ss.Study) -> None:
+    ray = pytest.importorskip("ray")
+    models = ["none", "viscoelastic-wall:1"]
+    own_folder = {"env_vars": {"PYTHONPATH": str(Path(__file__).parent)}}
+    ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False, runtime_env=own_folder)
+    try:
+        remote = ray.remote(fitted)
+        fits = ray.get([remote.remote(study, model) for model in models], timeout=120)
+        verdict = ray.get(ray.remote(lambda fit: fit.diagnose(threads=1).verdict).remote(fits[1]), timeout=120)
+    finally:
+        ray.shutdown()
+    here = [fitted(study, model) for model in models]
+    assert [[p.value for p in fit.parameters.values()] for fit in fits] == [[p.value for p in fit.parameters.values()] for fit in here]
+    assert verdict == here[1].diagnose().verdict
 
 
 def test_spawned_and_forked_processes_work(study: ss.Study) -> None:

@@ -1,5 +1,7 @@
 """What is refused, and in whose words."""
 
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -62,7 +64,14 @@ def test_calibrate_refuses_in_the_words_of_the_program(study: ss.Study, program:
         (lambda: ss.Study([RECORDINGS / "hdpe-creep.mcap", RECORDINGS / "copper-leak.mcap"]), "separately"),
         (lambda: ss.Rig.from_toml("name = 1"), "rig.toml"),
         (lambda: ss.read(RIG), "the rig is missing"),
+        (lambda: ss.read(RECORDINGS), "is a folder"),
         (lambda: ss.simulate(RIG, times_s=[np.nan]), "finite"),
+        (lambda: ss.simulate(RIG, times_s=[[0.0, 1.0]]), "times_s: give numbers in a list"),
+        (lambda: ss.simulate_many(RIG, NONE, {"reaches": 8}, times_s=[0.0]), "reaches: give numbers in a list"),
+        (lambda: ss.simulate_many(RIG, NONE, {"reaches": [8]}, times_s=[0.0], threads=0), "threads must be 1 or more"),
+        (lambda: ss.simulate(RIG, set={"reaches": "many"}, times_s=[0.0]), "reaches = many is not a number"),  # type: ignore[dict-item]
+        (lambda: ss.Study(RECORDINGS / "hdpe-creep.mcap").calibrate(most_reaches=4), "most_reaches must be a whole number from 8"),
+        (lambda: ss.Study(RECORDINGS / "hdpe-creep.mcap").calibrate(hold={"wave_speed_m_s": "fast"}), "give a number"),  # type: ignore[dict-item]
         (lambda: ss.simulate(RIG, set={"reaches": np.inf}, times_s=[0.0]), "finite"),
         (lambda: ss.simulate(RIG, times_s=[0.0], valve="ball"), "linear, flow-ramp"),  # type: ignore[arg-type]
         (lambda: ss.simulate_many(RIG, NONE, {"reaches": [8, 9.5]}, times_s=[0.0]), "row 1: reaches = 9.5"),
@@ -103,9 +112,6 @@ def test_a_value_that_no_fit_would_take_warns(study: ss.Study) -> None:
 
 
 def test_the_console_script_is_the_program(tmp_path: Path) -> None:
-    import subprocess
-    import sys
-
     script = Path(sys.executable).parent / "surgescope"
 
     def run(*arguments: str) -> "subprocess.CompletedProcess[str]":
@@ -116,3 +122,14 @@ def test_the_console_script_is_the_program(tmp_path: Path) -> None:
     assert refused.returncode == 2 and refused.stderr.startswith("error: ") and refused.stdout == ""
     assert run("no-such-command").returncode == 2
     assert run("effects", "--json").stdout.startswith("{")
+
+
+def test_the_console_script_starts_itself_for_a_campaign(tmp_path: Path) -> None:
+    script = Path(sys.executable).parent / "surgescope"
+    plan, folder = tmp_path / "plan.toml", tmp_path / "study"
+    plan.write_text(f'kind = "calibrate"\nrecordings = ["{RECORDINGS}/copper-leak.mcap"]\neffects = [["none"]]\n[options]\nmost_reaches = 16\n')
+    calls: tuple[list[Path | str], ...] = (["plan", plan, "-o", folder], ["run", folder], ["status", folder], ["submit", folder, "--to", "slurm"])
+    for words in calls:
+        done = subprocess.run([script, "campaign", *words], capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+    assert f"exec '{script}' campaign run" in (folder / "jobs" / "slurm.sh").read_text()

@@ -62,7 +62,7 @@ def test_pieces_for_a_notebook(fit: ss.Fit, diagnosis: ss.Diagnosis) -> None:
     for result, words in ((fit, "wave_speed_m_s"), (diagnosis, "viscoelastic-wall"), (fit.study.recordings[0], "P3")):
         page = result._repr_html_()
         assert page.startswith('<div class="surgescope"') and page.endswith("</div>")
-        assert "<svg" in page and words in page and "<script" not in page and "@scope" in page
+        assert "<svg" in page and words in page and "<script" not in page and "<style>:is(.surgescope, #surgescope) {" in page
 
 
 def test_fits_and_diagnoses_survive_a_pickle(fit: ss.Fit, diagnosis: ss.Diagnosis) -> None:

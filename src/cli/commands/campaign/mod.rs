@@ -1,6 +1,7 @@
 //! `surgescope campaign`: plan, run, submit, look.
 
 mod child;
+mod others;
 mod plan;
 mod run;
 mod status;

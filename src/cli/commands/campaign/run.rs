@@ -7,11 +7,14 @@ use serde_json::json;
 
 use crate::campaign::child::Kind;
 use crate::campaign::folder::Folder;
+use crate::campaign::program;
 use crate::campaign::run::{Progress, Run, run as run_shard};
 use crate::campaign::shard::Shard;
 use crate::cli::args::values::positive;
+use crate::cli::commands::campaign::others::warn_of_others;
 use crate::cli::console::document::say_document;
 use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::own_program::own_program;
 use crate::cli::console::print::{say, tell, tell_warning};
 use crate::cli::console::progress::progress_bar;
 use crate::cli::console::stop::{STOP, STOP_AT_ONCE, stop_on_signals};
@@ -44,7 +47,7 @@ pub struct Args {
 pub fn run(args: &Args, json: bool) -> CommandResult {
     let folder = Folder::open(&args.dir)?;
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let program = std::env::current_exe()?;
+    let program = own_program()?;
     let child =
         [String::from("campaign"), "child".into(), args.dir.to_str().ok_or("the folder's name is no UTF-8")?.into()];
     stop_on_signals()?;
@@ -63,6 +66,9 @@ pub fn run(args: &Args, json: bool) -> CommandResult {
     let ended = run_shard(&folder, &Run { shard: args.shard, threads, children, stop: &STOP, on_progress: &show });
     bar.finish_and_clear();
     let Progress { tasks, before, done, failed, others, left } = ended?;
+    if before > 0 {
+        warn_of_others(&folder, &program::others(&folder)?);
+    }
     if failed > 0 {
         tell_warning!("{failed} tasks failed: `surgescope campaign status {}` says why", args.dir.shown());
     }

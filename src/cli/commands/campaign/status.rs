@@ -3,12 +3,17 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
+use clap::ValueEnum;
+
 use crate::campaign::folder::Folder;
+use crate::campaign::program::put_aside;
 use crate::campaign::status::{retry, status};
+use crate::cli::commands::campaign::others::warn_of_others;
 use crate::cli::console::document::say_document;
 use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::print::{say, tell};
 use crate::report::text::number::duration;
+use crate::shown::Shown as _;
 
 /// Show what is done, what has failed and why, and the time left.
 ///
@@ -17,9 +22,17 @@ use crate::report::text::number::duration;
 pub struct Args {
     /// The campaign's folder.
     dir: PathBuf,
-    /// Let the next run try again what has failed.
-    #[arg(long)]
-    retry: bool,
+    /// Let the next run try again what has failed; with `=other-program`, do again what another version or build of the program has found.
+    #[arg(long, value_enum, value_name = "WHAT", num_args = 0..=1, require_equals = true, default_missing_value = "failed")]
+    retry: Option<Retry>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Retry {
+    /// Tasks that have failed.
+    Failed,
+    /// Tasks whose results another version or build of the program has found; they are kept in results/aside.
+    OtherProgram,
 }
 
 /// Failed tasks that are listed for one reason; --json lists all.
@@ -31,10 +44,21 @@ const LISTED: usize = 3;
 /// A folder without a campaign, files that cannot be read.
 pub fn run(args: &Args, json: bool) -> CommandResult {
     let folder = Folder::open(&args.dir)?;
-    if args.retry {
-        tell!("{} failed tasks are missing again: `surgescope campaign run` tries them", retry(&folder)?);
+    match args.retry {
+        None => {}
+        Some(Retry::Failed) => {
+            tell!("{} failed tasks are missing again: `surgescope campaign run` tries them", retry(&folder)?);
+        }
+        Some(Retry::OtherProgram) => match put_aside(&folder)? {
+            0 => tell!("no result is of another program: nothing was changed"),
+            tasks => tell!(
+                "{tasks} tasks that another program had done are missing again: `surgescope campaign run` does them. Their results stand in {}",
+                folder.results().join("aside").shown()
+            ),
+        },
     }
     let now = status(&folder)?;
+    warn_of_others(&folder, &now.other_programs);
     if json {
         say_document(&now)?;
     } else {

@@ -12,6 +12,7 @@ use crate::campaign::folder::Folder;
 use crate::cli::args::values::positive;
 use crate::cli::console::document::say_document;
 use crate::cli::console::outcome::{AnyError, CommandResult, Outcome};
+use crate::cli::console::own_program::own_program;
 use crate::cli::console::print::{say, tell};
 use crate::shown::Shown as _;
 
@@ -61,7 +62,7 @@ impl Engine {
     /// What starts a job, and how one gets it.
     fn starts(self) -> (&'static [&'static str], &'static str) {
         match self {
-            Engine::Hq => (&["hq", "submit"], "its releases have it; the package of PyPI has only a library"),
+            Engine::Hq => (&["hq", "submit"], "HyperQueue's releases have it; the package of PyPI has only a library"),
             Engine::Slurm => (&["sbatch"], "Slurm has it"),
             Engine::Snakemake => (&["snakemake", "--cores", "all", "--snakefile"], "`pip install snakemake` has it"),
         }
@@ -79,7 +80,7 @@ pub fn run(args: &Args, json: bool) -> CommandResult {
     let folder = Folder::open(&args.dir)?;
     let shards = args.shards.map_or_else(|| Ok(folder.count()?.clamp(1, MOST)), |n| Ok::<_, AnyError>(n as usize))?;
     let more = args.time_limit.map_or(String::new(), |limit| format!(" --time-limit {limit}"));
-    let program = std::env::current_exe()?;
+    let program = own_program()?;
     let job = Job { engine: args.to.engine(), shards, threads: args.threads as usize, more: &more, program: &program };
     let file = engine::write(&folder, &job)?;
     let (words, source) = args.to.starts();

@@ -12,4 +12,4 @@ def main() -> int:
     """Run the program with this process's arguments; the result is its exit code."""
     # As in the program itself, Ctrl-C ends what does not heed it.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
-    return run_program(["surgescope", *sys.argv[1:]])
+    return run_program(sys.argv)
