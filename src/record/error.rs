@@ -88,6 +88,8 @@ pub enum RecordError {
         "device '{device}' sent {bytes} bytes but nothing valid ({ended}): check {what} and that it speaks `{speaks}`"
     )]
     NoFrame { device: String, bytes: u64, what: String, speaks: &'static str, ended: String },
+    #[error("device '{device}' sent no line that can be read: {what}")]
+    DecimalTimes { device: String, what: String },
     #[error(
         "device '{device}' never answered ({ended}): is it switched on, and are its port ({port}), baud rate and format ({speed}) and unit_id right?"
     )]

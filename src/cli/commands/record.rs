@@ -54,7 +54,7 @@ pub struct Args {
     triggers: Triggers,
     #[command(flatten)]
     live: Live,
-    /// Stop after this recorded time, in seconds.
+    /// Stop after this time, in seconds.
     #[arg(long, value_name = "S", value_parser = positive, allow_negative_numbers = true)]
     duration: Option<f64>,
     /// Use this port for a device instead of the rig file's: a path, or tcp://HOST:PORT.

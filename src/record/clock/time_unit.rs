@@ -14,6 +14,29 @@ const FEWEST: usize = 8;
 const PIECES: usize = 4;
 /// By so many powers of ten: within a factor of two.
 const ALIKE: f64 = 0.3;
+/// An arrival is not known better than this, ns: computers and USB adapters hand on what came once a millisecond.
+const ARRIVAL_NS: f64 = 1e6;
+/// No device's clock is off by more than this share: what shows more is no clock in that unit.
+const MOST_OFF: f64 = 0.05;
+/// Student's t that chance exceeds once in a thousand times, for two, three and four pieces.
+const STUDENT_T: [f64; 3] = [318.0, 22.3, 10.2];
+
+/// How a device's times run against their arrival.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Runs {
+    /// So few arrivals, or such uneven ones, that not even a factor of ten would show.
+    Unknown,
+    /// As fast as they arrive, as far as the arrivals tell.
+    Evenly,
+    /// So many times as fast as they arrive, and by which factor that may be wrong. The mean of the pieces' paces, as powers of ten, is further from
+    /// 0 than chance puts it once in a thousand times (Student's t over the pieces), and than a clock may drift.
+    Off {
+        /// Device seconds in one of ours.
+        times: f64,
+        /// One standard error, as a factor.
+        within: f64,
+    },
+}
 
 /// Arrivals of a device, as far as they tell its pace.
 #[derive(Debug, Default)]
@@ -45,27 +68,65 @@ impl Pace {
         true
     }
 
+    /// The clock began anew, or was set: what was before says nothing of what comes.
+    pub fn begin_anew(&mut self) {
+        self.points.clear();
+    }
+
     /// The unit that the device's times are more likely in than the one they are read as; `is_over` where no more will come.
     pub fn likely(&self, read_as: TimeUnit, is_over: bool) -> Option<TimeUnit> {
-        let (first, last) = (self.points.first()?, self.points.last()?);
-        let span_ns = last.0 - first.0;
-        if self.points.len() < FEWEST || (span_ns < SHORTEST_NS && !is_over) {
-            return None;
-        }
-        let edge = |piece: usize| {
-            let at_ns = first.0 + (span_ns as i128 * piece as i128 / PIECES as i128) as i64;
-            self.points.partition_point(|point| point.0 < at_ns).min(self.points.len() - 1)
-        };
-        // how many of our seconds pass in one of the device's, as a power of ten
-        let pace = |piece: usize| {
-            let (from, to) = (self.points[edge(piece)], self.points[edge(piece + 1)]);
-            ((to.0 - from.0) as f64 / (to.1 - from.1) as f64).log10()
+        let (paces, piece_ns) = self.pieces()?;
+        let is_known = match is_over {
+            true => matches!(self.runs(), Runs::Off { .. }),
+            false => self.points.len() >= FEWEST && piece_ns * PIECES as f64 >= SHORTEST_NS as f64,
         };
         let is = |unit: &TimeUnit| {
             let expected = (unit.seconds() / read_as.seconds()).log10();
-            (0..PIECES).all(|piece| (pace(piece) - expected).abs() < ALIKE)
+            paces.iter().all(|pace| (pace - expected).abs() < ALIKE)
         };
-        TimeUnit::ALL.into_iter().filter(|unit| *unit != read_as).find(is)
+        TimeUnit::ALL.into_iter().filter(|unit| is_known && *unit != read_as).find(is)
+    }
+
+    /// How the times run against their arrival, by all that came.
+    pub fn runs(&self) -> Runs {
+        let Some((paces, piece_ns)) = self.pieces() else { return Runs::Unknown };
+        let n = paces.len() as f64;
+        let mean = paces.iter().sum::<f64>() / n;
+        let variance = paces.iter().map(|pace| (pace - mean).powi(2)).sum::<f64>() / (n - 1.0);
+        // as a power of ten
+        let arrival = (1.0 + ARRIVAL_NS / piece_ns).log10();
+        let error = variance.sqrt().max(arrival) / n.sqrt();
+        let by_chance = STUDENT_T[paces.len() - 2] * error;
+        match mean.abs() {
+            off if off > by_chance.max((1.0 + MOST_OFF).log10()) => {
+                Runs::Off { times: 10_f64.powf(-mean), within: 10_f64.powf(error) }
+            }
+            _ if by_chance < 1.0 => Runs::Evenly,
+            _ => Runs::Unknown,
+        }
+    }
+
+    /// How many of our seconds pass in one of the device's, as a power of ten, in each of equal pieces of the time, and how long one is, ns. None
+    /// where one of them holds no arrival.
+    fn pieces(&self) -> Option<(Vec<f64>, f64)> {
+        let (first, last) = (self.points.first()?, self.points.last()?);
+        let pieces = (self.points.len() - 1).min(PIECES);
+        if pieces < 2 {
+            return None;
+        }
+        let span_ns = last.0 - first.0;
+        let edge = |piece: usize| {
+            let at_ns = first.0 + (span_ns as i128 * piece as i128 / pieces as i128) as i64;
+            let next = self.points.partition_point(|point| point.0 < at_ns).clamp(1, self.points.len() - 1);
+            let (before, after) = (self.points[next - 1], self.points[next]);
+            if at_ns - before.0 < after.0 - at_ns { before } else { after }
+        };
+        let pace = |piece: usize| {
+            let (from, to) = (edge(piece), edge(piece + 1));
+            ((to.0 - from.0) as f64 / (to.1 - from.1) as f64).log10()
+        };
+        let paces: Vec<f64> = (0..pieces).map(pace).collect();
+        paces.iter().all(|pace| pace.is_finite()).then_some((paces, span_ns as f64 / pieces as f64))
     }
 }
 
@@ -130,5 +191,47 @@ mod tests {
         assert_eq!(pace.likely(TimeUnit::Microseconds, true), Some(TimeUnit::Milliseconds));
         pace.arrived(0, 2_000_000_000);
         assert_eq!(pace.likely(TimeUnit::Microseconds, true), None);
+    }
+
+    /// How a device whose clock is `times` as fast as ours runs that sends every `step_ms` for so long, each line up to `late_ms` late.
+    fn runs(step_ms: f64, lasts_s: f64, times: f64, late_ms: f64, seed: u64) -> Runs {
+        let mut dice = fastrand::Rng::with_seed(seed);
+        let (mut pace, mut before) = (Pace::default(), 0);
+        for i in 0..=(1e3 * lasts_s / step_ms).round() as usize {
+            let sent_ms = i as f64 * step_ms;
+            before = before.max((1e6 * (sent_ms + late_ms * dice.f64())) as i64);
+            pace.arrived(5_000_000_000 + (1e6 * sent_ms * times) as i64, before);
+        }
+        pace.runs()
+    }
+
+    #[test]
+    fn a_clock_that_is_off_is_known_at_the_end_however_short() {
+        for (step_ms, lasts_s) in [(5.0, 0.1), (5.0, 10.0), (1.0, 0.05), (100.0, 1.0), (1000.0, 4.0)] {
+            for times in [1e-6, 1e-3, 0.1, 10.0, 1e3] {
+                for seed in 0..20 {
+                    let found = runs(step_ms, lasts_s, times, 0.5, seed);
+                    let Runs::Off { times: found, within } = found else {
+                        panic!("{step_ms} ms, {lasts_s} s, {times}: {found:?}")
+                    };
+                    let off = (found / times).log10().abs();
+                    assert!(off < 4.0 * within.log10(), "{step_ms} ms, {lasts_s} s, {times}: {found} within {within}");
+                }
+            }
+        }
+        // in ten seconds even a tenth shows
+        assert!(matches!(runs(5.0, 10.0, 1.1, 0.5, 1), Runs::Off { .. }));
+        assert_eq!(runs(1000.0, 1.0, 1e3, 0.0, 1), Runs::Unknown, "two arrivals");
+    }
+
+    #[test]
+    fn chance_makes_no_clock_off() {
+        for (step_ms, late_ms) in [(1.0, 16.0), (5.0, 4.0), (10.0, 30.0), (100.0, 80.0)] {
+            for lasts_s in [0.5, 2.0, 20.0] {
+                let off = |seed| matches!(runs(step_ms, lasts_s, 1.0001, late_ms, seed), Runs::Off { .. });
+                let alarms = (0..500).filter(|seed| off(*seed)).count();
+                assert!(alarms <= 2, "{step_ms} ms, {late_ms} ms late, {lasts_s} s: {alarms} of 500");
+            }
+        }
     }
 }

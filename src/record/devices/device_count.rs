@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use crate::number::significant;
 use crate::record::clock::summary::ClockSummary;
 
 /// What came from one device. Lines and answers to polls count as frames.
@@ -61,6 +62,9 @@ pub struct DeviceCount {
     pub said_more: Option<String>,
     /// Its clock against this computer's.
     pub clock: Option<ClockSummary>,
+    /// How many times as fast as they arrive its times run, and within which factor, where that is no clock's drift and no other unit.
+    #[serde(skip)]
+    pub off: Option<(f64, f64)>,
     /// Why polls of it fell out, and what to do.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub poll_warning: Option<String>,
@@ -94,7 +98,16 @@ impl DeviceCount {
                 1e3 * scatter_s
             )
         });
-        let all: Vec<String> = clock.into_iter().chain(period).chain(scatter).collect();
+        let off = self.off.map(|(times, within)| {
+            let (times, percent) = (significant(times, 3), significant(100.0 * (within - 1.0), 1));
+            format!(
+                "its times run {times} times as fast as they arrived (± {percent}%): correct the times that it sends, or their unit; the recording \
+                 keeps them as they came"
+            )
+        });
+        // what does not run as fast as ours was never to be on time
+        let clock = clock.filter(|_| off.is_none());
+        let all: Vec<String> = off.into_iter().chain(clock).chain(period).chain(scatter).collect();
         self.clock_warning = (!all.is_empty()).then(|| all.join("; "));
     }
 

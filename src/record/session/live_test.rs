@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use crate::record::clock::align;
 use crate::record::clock::device_clock::seconds;
+use crate::record::clock::time_unit::Runs;
 use crate::record::devices::queue::Input;
 use crate::record::devices::source::Sources;
 use crate::record::error::RecordError;
@@ -13,7 +14,7 @@ use crate::record::health::snapshot::{Reports, SensorView, Snapshot};
 pub use crate::record::session::options::{Options, SILENCE_S};
 use crate::record::session::output::{DeviceCount, Summary};
 use crate::record::session::session_log::Live;
-use crate::record::session::stream::line::check_unit;
+use crate::record::session::stream::line::{check_unit, clock_is_off};
 use crate::record::session::stream::{self, ON_ITS_WAY, State, Stream, count};
 use crate::recording::Gap;
 use crate::rig::{Device, Port, Protocol, Rig};
@@ -110,9 +111,11 @@ pub fn record(
             Err(RecvTimeoutError::Disconnected) if streams.iter().all(|s| over(s, options).is_some()) => {}
             Err(RecvTimeoutError::Disconnected) => break "the reading threads ended".to_owned(),
         }
+        let now_ns = sources.host.now_ns();
+        end_by_duration(now_ns, &mut streams, &mut live)?;
         if let Some(ended) = all_over(&streams, options) {
             write_clocks(&mut live, &mut streams)?;
-            reopen(&mut streams, live.end_ns);
+            reopen(now_ns, &mut streams, &live);
             if all_over(&streams, options).is_some() {
                 break ended;
             }
@@ -137,16 +140,24 @@ fn streams_of<'a>(rig: &Rig, devices: &'a [Device]) -> Vec<Stream<'a>> {
     streams
 }
 
-/// Records what came from a device. Where it seems to have come to the end of the recording, its clock as it is known now decides.
+/// Records what came from a device.
 fn take(device: usize, input: Input, streams: &mut [Stream<'_>], live: &mut Live<'_>) -> Result<(), RecordError> {
-    let has_come = |stream: &Stream<'_>, end_ns: i64| stream.state == State::Open && stream.timing.has_come_to(end_ns);
     let Some(stream) = streams.get_mut(device) else { return Ok(()) };
+    let at_ns = match &input {
+        Input::Bytes { at_ns, .. } => Some(*at_ns),
+        _ => None,
+    };
     stream::take(stream, input, live)?;
-    if has_come(stream, live.end_ns) {
+    end_by_duration(at_ns.unwrap_or(i64::MIN), streams, live)
+}
+
+/// Ends the part of devices that have recorded for the duration, at a time on the host's clock. Their clocks as they are known now decide.
+fn end_by_duration(host_ns: i64, streams: &mut [Stream<'_>], live: &mut Live<'_>) -> Result<(), RecordError> {
+    let (now_ns, end_ns) = (live.recording_ns(host_ns), live.end_ns);
+    let is_through = |stream: &Stream<'_>| stream.state == State::Open && stream.timing.is_through(end_ns, now_ns);
+    if end_ns < i64::MAX && live.has_begun() && streams.iter().any(is_through) {
         write_clocks(live, streams)?;
-    }
-    if let Some(stream) = streams.get_mut(device).filter(|stream| has_come(stream, live.end_ns)) {
-        count::reached(stream);
+        streams.iter_mut().filter(|stream| is_through(stream)).for_each(count::reached);
     }
     Ok(())
 }
@@ -203,8 +214,9 @@ fn keep_up(due: bool, streams: &mut [Stream<'_>], live: &mut Live<'_>) -> Result
 }
 
 /// By the clocks as they are known now, a device that had come to the end may have not.
-fn reopen(streams: &mut [Stream<'_>], end_ns: i64) {
-    let short = |stream: &&mut Stream<'_>| stream.state == State::Reached && !stream.timing.has_come_to(end_ns);
+fn reopen(host_ns: i64, streams: &mut [Stream<'_>], live: &Live<'_>) {
+    let (now_ns, end_ns) = (live.recording_ns(host_ns), live.end_ns);
+    let short = |stream: &&mut Stream<'_>| stream.state == State::Reached && !stream.timing.is_through(end_ns, now_ns);
     // what is no longer there can send no more
     for stream in streams.iter_mut().filter(short).filter(|stream| stream.timing.last_message.elapsed() < ON_ITS_WAY) {
         stream.state = State::Open;
@@ -255,13 +267,20 @@ fn finish(
             // What ended before the duration, vanished for good or never spoke owes what it did not send; a device that ends by
             // itself, or that the user stops, does not.
             // That it had reached the end was by its clock as it was known then.
-            let came = stream.timing.has_come_to(live.end_ns.saturating_sub(END_NS));
+            let runs = stream.timing.runs();
+            let came = match runs {
+                Runs::Off { .. } => stream.state == State::Reached,
+                Runs::Evenly | Runs::Unknown => stream.timing.has_come_to(live.end_ns.saturating_sub(END_NS)),
+            };
             let early = options.duration_s.is_some() && !came && !by_user && !all_shots;
             let left = match stream.state {
                 State::Vanished(..) => true,
                 State::Ended(_) => count::left_before(stream, moment),
                 State::Open | State::Reached => false,
             };
+            count.off = clock_is_off(stream, runs);
+            let is_off = matches!(runs, Runs::Off { .. });
+            count.clock.iter_mut().for_each(|clock| clock.is_real_time &= !is_off);
             count.warn(streams.len() > 1);
             let silent = stream.silent_since(moment, options.silence).is_some();
             count.incomplete = early || stream.is_empty() || left || silent;
@@ -303,7 +322,8 @@ fn finish(
         }
     }
     if options.duration_s.is_some() {
-        for stream in streams.iter().filter(|stream| stream.timing.is_moved()) {
+        let is_off = |stream: &&Stream<'_>| matches!(stream.timing.runs(), Runs::Off { .. });
+        for stream in streams.iter().filter(|stream| !is_off(stream)) {
             for sensor in stream.sensors() {
                 let end_ns = live.end_ns;
                 live.output()?.keep_until(sensor, end_ns);

@@ -99,6 +99,8 @@ pub struct Decoder {
     stale: Vec<Line>,
     recent: VecDeque<Line>,
     counts: LineCounts,
+    /// The first and the last line that is bad for the decimals of its time alone: that time, and its arrival, ns.
+    decimal: Option<[(f64, i64); 2]>,
 }
 
 impl Decoder {
@@ -117,6 +119,13 @@ impl Decoder {
         self.counts
     }
 
+    /// Where lines came that are bad for the decimals of their times alone: the unit that these are likely in, by their pace, if it is one of ours.
+    pub fn decimal_times(&self) -> Option<Option<TimeUnit>> {
+        let [first, last] = self.decimal?;
+        let unit_s = (last.1 - first.1) as f64 / 1e9 / (last.0 - first.0);
+        Some(TimeUnit::ALL.into_iter().find(|unit| (unit_s / unit.seconds()).log10().abs() < 0.5))
+    }
+
     /// Takes the next bytes of the stream, which arrived at `at_ns` on any clock, and appends what they complete to `events`.
     pub fn feed(&mut self, at_ns: i64, mut bytes: &[u8], events: &mut Vec<Event>) {
         while let Some(piece) = self.pieces.next(at_ns, &mut bytes) {
@@ -129,7 +138,14 @@ impl Decoder {
                     Some((time_us, values)) => self.line(time_us, values, began_ns, events),
                     // The rest of one, or a heading.
                     None if piece.maybe_rest => {}
-                    None => self.bad(),
+                    None => {
+                        let as_decimal = parse(text, TimeUnit::Seconds).filter(|_| self.unit == TimeUnit::Microseconds);
+                        if let Some((time_us, _)) = as_decimal {
+                            let at = (TimeUnit::Microseconds.seconds() * time_us as f64, began_ns);
+                            self.decimal = Some([self.decimal.map_or(at, |[first, _]| first), at]);
+                        }
+                        self.bad();
+                    }
                 },
                 None => self.bad(),
             }

@@ -64,7 +64,7 @@ fn played_on(rig: &Rig, options: &Options, mut messages: Vec<(i64, usize, Vec<u8
         }
         if all_over(&streams, options).is_some() {
             write_clocks(&mut live, &mut streams).unwrap();
-            reopen(&mut streams, live.end_ns);
+            reopen(at_ns, &mut streams, &live);
             if all_over(&streams, options).is_some() {
                 ended = "the duration was reached";
                 break;

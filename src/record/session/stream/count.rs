@@ -14,7 +14,7 @@ use crate::record::health::snapshot::{DeviceView, SensorView};
 use crate::record::session::options::Options;
 use crate::record::session::stream::state::{Codec, State, Stream};
 use crate::record::wire::modbus::exception;
-use crate::rig::{Port, Protocol};
+use crate::rig::{Port, Protocol, TimeUnit};
 
 /// A device that says nothing for so long is silent; one that is polled, for so many polls.
 const SILENT_AFTER: Duration = Duration::from_secs(2);
@@ -39,9 +39,10 @@ pub fn nothing(stream: &Stream<'_>, ended: String) -> RecordError {
         Codec::Frames(_) => {
             RecordError::NoFrame { device, bytes: stream.bytes, what: if_wrong(port), speaks: "frames", ended }
         }
-        Codec::Lines(_) => {
-            RecordError::NoFrame { device, bytes: stream.bytes, what: if_wrong(port), speaks: "lines", ended }
-        }
+        Codec::Lines(decoder) => match decoder.decimal_times() {
+            Some(unit) => RecordError::DecimalTimes { device, what: decimals(unit) },
+            None => RecordError::NoFrame { device, bytes: stream.bytes, what: if_wrong(port), speaks: "lines", ended },
+        },
     }
 }
 
@@ -63,6 +64,18 @@ fn if_wrong(port: &Port) -> String {
         Port::Tcp(_) => format!("that {port} is its address"),
         Port::Command(_) => format!("what {port} prints on its standard output"),
     }
+}
+
+/// What to do where times have decimals, which those in microseconds do not.
+fn decimals(unit: Option<TimeUnit>) -> String {
+    let remedy = match unit {
+        Some(unit) if unit != TimeUnit::Microseconds => {
+            format!("they run as {0} do: set time_unit = \"{0}\" in its [[device]]", unit.symbol())
+        }
+        Some(_) => "let it send whole microseconds".to_owned(),
+        None => "set time_unit = \"s\" (or \"ms\") in its [[device]], whichever they are in".to_owned(),
+    };
+    format!("its times have decimals and are read as whole microseconds; {remedy}")
 }
 
 /// What is done, and what to do, where it is gone.
@@ -209,6 +222,9 @@ pub fn view(stream: &Stream<'_>, own: &[&SensorView], options: &Options, waited:
 fn silence(stream: &Stream<'_>) -> String {
     let port = &stream.device.port;
     match (&stream.codec, port) {
+        (Codec::Lines(decoder), _) if let Some(unit) = decoder.decimal_times().filter(|_| stream.is_empty()) => {
+            decimals(unit)
+        }
         (Codec::Polled(_), Port::Serial(serial)) => {
             let speed = serial.speed();
             format!("no answer on {port}: is it powered and set to {speed}, and are unit_id and wiring (A, B) right?")

@@ -1,6 +1,7 @@
 //! Devices that send lines: each a row of values with its own time.
 
 use crate::record::clock::device_clock::seconds;
+use crate::record::clock::time_unit::Runs;
 use crate::record::error::RecordError;
 use crate::record::session::session_log::Live;
 use crate::record::session::stream::stamp::Stamp;
@@ -28,16 +29,14 @@ fn line(stream: &mut Stream<'_>, line: &Line, live: &mut Live<'_>) -> Result<(),
         return Ok(());
     }
     let device_ns = (line.time_us * 1000) as i64;
-    let is_news = stream.timing.pace.as_mut().is_some_and(|pace| pace.arrived(device_ns, line.began_ns));
-    if is_news {
-        check_unit(stream, false, live)?;
-    }
     let sign = if line.hole_before { Sign::Hole } else { Sign::None };
     let (sent_ns, began_ns) = (device_ns, line.began_ns);
     let stamp = Stamp { device_ns, sent_ns, began_ns, period_ns: 0, rows: 1, lost: 0, jump: None };
     let clock = stream.timing.begin(&stamp, sign, live)?;
     let Some(placed) = clock.place_row(device_ns, line.hole_before) else { return Ok(()) };
-    stream.timing.arrived(&stamp, placed.first_ns, placed.first_ns);
+    if stream.timing.arrived(&stamp, placed.first_ns, placed.first_ns) {
+        check_unit(stream, false, live)?;
+    }
     if placed.first_ns >= stream.timing.limit_ns(live) {
         return Ok(());
     }
@@ -72,6 +71,16 @@ pub(crate) fn check_unit(stream: &Stream<'_>, is_over: bool, live: &mut Live<'_>
         stream.sensors().for_each(|sensor| monitor.likely_unit(sensor, (time_unit, likely)));
     }
     Ok(())
+}
+
+/// What to say of times that do not run as they arrive, but for those in a unit that [`check_unit`] names.
+pub(crate) fn clock_is_off(stream: &Stream<'_>, runs: Runs) -> Option<(f64, f64)> {
+    let Runs::Off { times, within } = runs else { return None };
+    let is_named = match stream.device.protocol {
+        Protocol::Lines { time_unit } => stream.timing.pace.as_ref()?.likely(time_unit, true).is_some(),
+        Protocol::Frames | Protocol::ModbusRtu { .. } => false,
+    };
+    (!is_named).then_some((times, within))
 }
 
 /// Lines that were taken have a hole between them.

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use crate::record::clock::align::Stretch;
 use crate::record::clock::device_clock::{DeviceClock, seconds};
-use crate::record::clock::time_unit::Pace;
+use crate::record::clock::time_unit::{Pace, Runs};
 use crate::record::error::RecordError;
 use crate::record::session::session_log::Live;
 use crate::record::session::stream::stamp::Stamp;
@@ -55,7 +55,7 @@ pub struct Timing {
     pub(super) returned: bool,
     /// What puts its logged times on the recording's clock, as well as it is known by now.
     moves: SensorClock,
-    /// How its times run against their arrival; none where they are played at another pace.
+    /// How its times run against their arrival; none where they are played at another pace, or are our own.
     pub pace: Option<Pace>,
     /// How long its last message was.
     span: Duration,
@@ -66,9 +66,9 @@ pub struct Timing {
 impl Timing {
     /// Of a device, before its first message.
     pub(super) fn new(device: &Device) -> Timing {
-        let poll = match device.protocol {
-            Protocol::ModbusRtu { poll_interval_s, .. } => Duration::try_from_secs_f64(poll_interval_s).ok(),
-            Protocol::Frames | Protocol::Lines { .. } => None,
+        let (poll, pace) = match device.protocol {
+            Protocol::ModbusRtu { poll_interval_s, .. } => (Duration::try_from_secs_f64(poll_interval_s).ok(), None),
+            Protocol::Frames | Protocol::Lines { .. } => (None, Some(Pace::default())),
         };
         Timing {
             last_message: Instant::now(),
@@ -81,7 +81,7 @@ impl Timing {
             restarted: false,
             returned: false,
             moves: SensorClock::default(),
-            pace: Some(Pace::default()),
+            pace,
             span: Duration::ZERO,
             poll,
         }
@@ -113,11 +113,13 @@ impl Timing {
             // By the times that are logged, in which steps of its clock do not show.
             self.stretches.push(Stretch::new(from_ns, from_ns));
             live.clocks_changed();
+            self.pace.iter_mut().for_each(Pace::begin_anew);
         } else if let Some(by_ns) = self.step_ns(stamp)
             && let Some(clock) = &mut self.clock
         {
             clock.step(by_ns);
             self.steps += 1;
+            self.pace.iter_mut().for_each(Pace::begin_anew);
         }
         Ok(self.clock.get_or_insert_with(|| DeviceClock::starting_at(device_ns, recording_ns)))
     }
@@ -157,15 +159,21 @@ impl Timing {
         is_step.then_some(ahead_ns)
     }
 
-    /// Something has been recorded up to `last_ns`, and has come up to `come_ns`.
-    pub(crate) fn arrived(&mut self, stamp: &Stamp, last_ns: i64, come_ns: i64) {
-        let Some(clock) = self.clock else { return };
+    /// Something has been recorded up to `last_ns`, and has come up to `come_ns`; true where it tells more of how its times run.
+    pub(crate) fn arrived(&mut self, stamp: &Stamp, last_ns: i64, come_ns: i64) -> bool {
+        let Some(clock) = self.clock else { return false };
         self.come_ns = Some(come_ns);
         self.span = Duration::from_nanos(stamp.sent_ns.saturating_sub(stamp.device_ns).unsigned_abs());
         if let Some(stretch) = self.stretches.last_mut() {
             stretch.arrived(clock.at_ns(stamp.sent_ns), stamp.began_ns);
             stretch.last_ns = last_ns;
         }
+        self.pace.as_mut().is_some_and(|pace| pace.arrived(stamp.sent_ns, stamp.began_ns))
+    }
+
+    /// How its times run against their arrival.
+    pub fn runs(&self) -> Runs {
+        self.pace.as_ref().map_or(Runs::Evenly, Pace::runs)
     }
 
     /// It has sent something valid; `whole` where nothing is missing before.
@@ -188,9 +196,10 @@ impl Timing {
         self.shared || self.stretches.len() > 1
     }
 
-    /// The logged time up to which it is written, ns.
+    /// The logged time up to which it is written, ns: to the end of the duration, unless its clock is moved, or not known to run as ours does.
     pub(crate) fn limit_ns(&self, live: &Live<'_>) -> i64 {
-        if self.is_moved() { i64::MAX } else { live.end_ns }
+        let is_behind = self.come_ns.is_some_and(|come_ns| come_ns >= live.end_ns);
+        if self.is_moved() || (is_behind && self.runs() != Runs::Evenly) { i64::MAX } else { live.end_ns }
     }
 
     /// A time on the recording's clock, such as that up to which it is kept, as logged, s.
@@ -198,9 +207,19 @@ impl Timing {
         seconds(self.moves.logged_ns(time_ns))
     }
 
-    /// True for a logged time before the end of the recording.
+    /// True for a logged time before the end of the recording; of a clock that does not run as ours does, for any until it ends.
     pub(crate) fn is_wanted(&self, logged_ns: i64, live: &Live<'_>) -> bool {
-        self.moves.time_ns(logged_ns) < live.end_ns
+        self.moves.time_ns(logged_ns) < live.end_ns || matches!(self.runs(), Runs::Off { .. })
+    }
+
+    /// True where it has recorded for the duration, at a time of ours on the recording's clock: by its own times, which say to the sample what was
+    /// measured until then, unless these do not run as ours do.
+    pub fn is_through(&self, end_ns: i64, now_ns: i64) -> bool {
+        match self.runs() {
+            Runs::Evenly => self.has_come_to(end_ns),
+            Runs::Unknown => self.has_come_to(end_ns) && now_ns >= end_ns,
+            Runs::Off { .. } => now_ns >= end_ns,
+        }
     }
 
     /// True where it has come to a time on the recording's clock.

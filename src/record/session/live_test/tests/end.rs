@@ -120,3 +120,68 @@ fn what_is_bad_behind_the_duration_is_no_loss() {
         assert_eq!((bad, summary.data_lost), (vec![u64::from(lost), 0], lost), "{summary:?}");
     }
 }
+
+/// A logger that sends a line every 10 ms for 6 s, whose clock runs so many times as fast as ours.
+fn logger(times: f64, options: &Options) -> (Summary, Recording) {
+    let mut rig = rig("lines");
+    rig.devices.truncate(1);
+    rig.sensors.truncate(1);
+    let line = |i: i64| {
+        let time_us = 7_000_000 + (times * 1e4 * i as f64).round() as i64;
+        ((10 * i + i * 7919 % 3) * MS, 0, format!("{time_us},{i}\n").into_bytes())
+    };
+    let summary = played_on(&rig, options, (0..600).map(line).collect());
+    (summary, log::read(&options.file).unwrap())
+}
+
+/// Milliseconds read as microseconds, nanoseconds, and clocks that are off by a factor that no unit explains.
+#[test]
+fn a_duration_is_our_time_for_a_device_whose_clock_is_off() {
+    let folder = tempfile::tempdir().unwrap();
+    for (times, duration_s, told) in [
+        (1.0, 3.0, ""),
+        (1.001, 3.0, ""),
+        (1e-3, 3.0, "ms"),
+        (1e3, 3.0, "ns"),
+        (1e-3, 0.3, "ms"),
+        (1e3, 0.3, "ns"),
+        (10.0, 3.0, "10.0"),
+        (0.1, 3.0, "0.100"),
+    ] {
+        let name = format!("{times}-{duration_s}.mcap");
+        let options = Options { duration_s: Some(duration_s), ..Options::new(folder.path().join(name)) };
+        let (summary, recording) = logger(times, &options);
+        let all = format!("{times}, {duration_s} s: {summary:?}");
+        assert!((recording.series[0].value.len() as f64 - 100.0 * duration_s).abs() <= 2.0, "{all}");
+        assert!(!summary.data_lost && summary.ended == "the duration was reached", "{all}");
+        let advice: Vec<&str> = summary.alerts.iter().map(|alert| alert.advice).collect();
+        let warning = summary.devices[0].clock_warning.clone().unwrap_or_default();
+        match told {
+            "" => assert!(advice.is_empty() && warning.is_empty(), "{all}"),
+            "ms" | "ns" => {
+                assert!(advice[0].contains(&format!("time_unit = \"{told}\"")) && warning.is_empty(), "{all}")
+            }
+            _ => assert!(advice.is_empty() && warning.contains(&format!("run {told} times as fast")), "{all}"),
+        }
+    }
+}
+
+/// What a device sends is nothing that can be used: the message says so with the unit to set.
+#[test]
+fn decimal_times_are_said_with_the_unit_that_they_are_in() {
+    for (unit_s, told) in [(1.0, "time_unit = \"s\""), (1e-3, "time_unit = \"ms\""), (1e-6, "whole microseconds")] {
+        let folder = tempfile::tempdir().unwrap();
+        let (rig, options) = (rig("lines"), Options::new(folder.path().join("run.mcap")));
+        let devices = live_devices(&rig, &[]).unwrap();
+        let sources = Sources::reading(&devices[0], std::io::empty()).unwrap();
+        let mut live = Live::new(&rig, &options, "a test".to_owned(), Vec::new(), sources.host);
+        let mut streams = streams_of(&rig, &devices[..1]);
+        for i in 0..100 {
+            let bytes = format!("{:.3},{i}\n", 1e-2 / unit_s * f64::from(i) + 0.5).into_bytes();
+            take(0, Input::Bytes { at_ns: 10 * i64::from(i) * MS, bytes }, &mut streams, &mut live).unwrap();
+        }
+        let error = finish(&mut streams, live, &sources, &options, "no valid line for 5 s".to_owned()).unwrap_err();
+        assert!(error.to_string().contains(told), "{error}");
+        assert!(!options.file.exists());
+    }
+}
