@@ -13,12 +13,15 @@ const base64 = (file) => new Promise((resolve, reject) => {
   reader.readAsDataURL(file);
 });
 
-// A table of a rig that is not there yet: a form asks for it. False where the file knows its rig.
-async function withoutRig(file, new_rig = false) {
-  const found = await post("/api/import", { name: file.name, content: await base64(file), new_rig });
+const contents = (files) => Promise.all(files.map(async (file) => ({ name: file.name, content: await base64(file) })));
+
+// Tables of a rig that is not there yet: a form asks for it. False where the file knows its rig.
+async function withoutRig(files, new_rig = false) {
+  const [first, ...further] = await contents(files);
+  const found = await post("/api/import", { ...first, further, new_rig });
   if (!found.needs_rig) return false;
   at("runs").close();
-  await makeRig(found.needs_rig);
+  await makeRig(found.needs_rig, found.further);
   return true;
 }
 
@@ -29,16 +32,13 @@ export async function arrive(files) {
   const [file, ...others] = files;
   const names = files.map((one) => one.name).join(" and ");
   const no_rig = !app.state.open && !app.state.can_record.length;
-  try { if (no_rig && !others.length && (await withoutRig(file))) return; } catch (error) { complain(error); return; }
+  try { if (no_rig && (await withoutRig(files))) return; } catch (error) { complain(error); return; }
   if (!at("runs").open) runs();
   const box = at("import");
   put(box, h("p", { text: `Reading ${names}…` }));
   box.scrollIntoView({ block: "nearest" });
   let [content, further] = ["", []];
-  try {
-    content = await base64(file);
-    for (const one of others) further.push({ name: one.name, content: await base64(one) });
-  } catch (error) { complain(error); return; }
+  try { [{ content }, ...further] = await contents(files); } catch (error) { complain(error); return; }
   let [writing, rigOf, align] = [false, null, ""];
   // what is written of its text and times
   const reading = {};
@@ -119,7 +119,7 @@ export async function arrive(files) {
       rigs(found), aligned(),
       ofReading, h("table", {}, h("thead", {}, h("tr", {}, ["sensor", "column of the file", "another unit, or from V or mA", "unit", "samples", "first values"].map((text) => h("th", { scope: "col", text })))), h("tbody", {}, choices.map(line))),
       notes.length ? h("ul", {}, notes.map((text) => h("li", { text }))) : null,
-      h("p", { class: "buttons" }, h("button", { type: "button", class: "primary", text: "Import", disabled: Boolean(found.problem || open.length), onclick: () => look(...said(), true) }), h("button", { type: "button", text: "Do not import", onclick: () => put(box) }), found.as_it_is || others.length ? null : h("button", { type: "button", text: "It is of another rig: make one", onclick: () => withoutRig(file, true).catch(complain) }))));
+      h("p", { class: "buttons" }, h("button", { type: "button", class: "primary", text: "Import", disabled: Boolean(found.problem || open.length), onclick: () => look(...said(), true) }), h("button", { type: "button", text: "Do not import", onclick: () => put(box) }), found.as_it_is ? null : h("button", { type: "button", text: "It is of another rig: make one", onclick: () => withoutRig(files, true).catch(complain) }))));
   };
   await look([], [], [], false);
 }

@@ -12,7 +12,7 @@ const QUANTITY = { pressure: "pressure", flow: "flow", temperature: "temperature
 const PIPE = [
   ["material", "Material of the wall", "copper", "new-rig-materials"],
   ["length", "Length from the supply to the valve, m", "100"],
-  ["size", "Size of the pipe", "22x1.5, 63 SDR11, DN50"],
+  ["size", "Size of the pipe", "22x1.5 or DN50"],
   ["inner_diameter", "or its inner diameter, mm", "19"],
   ["wall", "and thickness of the wall, mm", "1.5"],
   ["temperature", "Temperature of the water, °C", "20"],
@@ -33,6 +33,8 @@ export const READING = [
   ["encoding", "code page", "cp1250"],
 ];
 const LATER_MS = 250;
+// A longer reason is not said twice.
+const SHORT = 160;
 const plain = (value) => String(+value.toPrecision(4)).replace("-", "−");
 const MAKE = "Make the rig and import the table";
 const phone = matchMedia("(max-width: 700px)");
@@ -48,8 +50,10 @@ const fields = new Map();
 let [running, again, waits, writing] = [null, false, null, false];
 
 const kept = () => `new rig ${table}`;
+const further = () => answers.further || [];
+const together = () => [table, ...further()].join(" and ");
 const columnsSaid = () => Object.entries(answers.columns || {}).map(([column, said]) => ({ column, ...said }));
-const form = () => ({ ...answers, columns: columnsSaid() });
+const form = () => ({ ...answers, further: undefined, columns: columnsSaid() });
 
 // Beside a field: what is wrong with it, what is missing, what is taken where the person writes nothing.
 function field(key, label, input) {
@@ -104,7 +108,7 @@ async function looked() {
   while (again && table) {
     again = false;
     const of = table;
-    const about = await post("/api/new-rig", { table, form: form() });
+    const about = await post("/api/new-rig", { table, further: further(), form: form() });
     if (table !== of) continue;
     const same = found && found.columns.map((c) => c.name).join("\n") === about.columns.map((c) => c.name).join("\n");
     found = about;
@@ -129,31 +133,73 @@ function row(column, i) {
     cell("is", `What ${column.name} is`, is), cell("unit", `Unit of ${column.name}, or its ranges where it is in V or mA`, unit), cell("place", `Distance of ${column.name} from the supply, m`, place), h("datalist", { id: `new-rig-units-${i}` }));
 }
 
+// Other tables that lie beside it, or were dropped with it: whether they are of the same closure only a person knows.
+function others() {
+  if (!found.beside.length) return null;
+  const one = (name) => {
+    const box = h("input", { type: "checkbox", checked: further().includes(name), "data-key": `with ${name}`, onchange: () => {
+      say("further", box.checked ? [...further(), name] : further().filter((own) => own !== name));
+    } });
+    return h("label", {}, box, ` ${name}`);
+  };
+  return h("fieldset", { class: "others", "data-key": "further" }, h("legend", { text: found.beside.length > 1 ? "Other tables are here. Tick those of the same closure, and they are joined:" : "Another table is here. Tick it if it is of the same closure, and they are joined:" }), found.beside.map(one));
+}
+
 function build() {
   fields.clear();
   const box = at("new-rig");
   const of = ([key, label, example, choices]) => field(key, label, entry(answers[key] ?? "", example, choices, (value) => say(key, value)));
   const ofReading = ([key, label, example, choices]) => field(key, label, entry(answers.reading?.[key] ?? "", example, choices, (value) => sayOfReading(key, value)));
   put(box, h("form", { onsubmit: (event) => { event.preventDefault(); make(); } },
-    h("div", { class: "heading" }, h("h2", { text: `A rig for ${table}` }), h("p", { class: "hint", text: "Answer what the table cannot say. Nothing is written before you press the button." }),
+    h("div", { class: "heading" }, h("h2", { id: "new-rig-title" }), h("p", { class: "hint", text: "Answer what the table cannot say. Nothing is written before you press the button." }),
       app.state.open || app.state.tables.length > 1 || !app.state.tables.includes(table) ? h("button", { type: "button", text: "Back", onclick: () => leave() }) : null),
     h("div", { class: "card drawing" }, h("div", { id: "new-rig-drawing" }), h("p", { class: "hint", id: "new-rig-pipe" })),
     h("div", { class: "sides" },
-      h("section", { class: "card", "aria-label": "The table" }, h("h3", { text: "The table, as it is understood" }),
+      h("section", { class: "card", "aria-label": "The table" }, h("h3", { text: "The table, as it is understood" }), others(), h("p", { class: "remark", id: "remark-further", hidden: true }),
         h("p", { class: "remark", id: "remark-file", role: "status", hidden: true }), h("p", { class: "remark", id: "remark-columns", hidden: true }),
         h("div", { class: "times" }, READING.map(ofReading)),
         found.columns.length ? h("table", {}, h("thead", {}, h("tr", {}, ["column", "is", "unit, or ranges from V or mA", "m from the supply"].map((text) => h("th", { scope: "col", text })))), h("tbody", {}, found.columns.map(row))) : null,
         h("ul", { id: "new-rig-understood" })),
       h("section", { class: "card", "aria-label": "The pipe" }, h("h3", { text: "The pipe" }), h("datalist", { id: "new-rig-materials" }, found.materials.map((name) => h("option", { value: name }))), PIPE.map(of), h("p", { class: "remark", id: "remark-rig", hidden: true }))),
     h("div", { class: "foot" }, h("div", { id: "new-rig-says", role: "status" }), h("button", { class: "primary", text: MAKE }))));
-  for (const key of ["file", "columns", "rig"]) fields.set(key, { remark: at(`remark-${key}`) });
+  for (const key of ["file", "further", "columns", "rig"]) fields.set(key, { remark: at(`remark-${key}`) });
 }
 
 // What is wrong goes before what is missing, and that before what is taken.
 const WEIGHTS = ["assumed", "open", "wrong"];
 const heaviest = (remarks) => remarks.reduce((a, b) => (WEIGHTS.indexOf(b.weight) > WEIGHTS.indexOf(a.weight) ? b : a));
 
+// A field by its name in a sentence.
+const OF_ALL = { file: "the table", further: "the tables together", columns: "what the columns are", rig: "the rig" };
+const OF_COLUMN = { is: "what it is, of", unit: "the unit of", place: "the place of" };
+function called(key) {
+  const [, i, what] = /^columns\.(\d+)\.(.*)$/.exec(key) || [];
+  if (what) return `${OF_COLUMN[what]} ${found.columns[i].short || found.columns[i].name}`;
+  const [, label] = [...PIPE, ...READING].find(([own]) => own === key) || [];
+  const short = label?.replace(/^(or its|and) /, "").split(/,| from /)[0];
+  return OF_ALL[key] || (short ? short[0].toLowerCase() + short.slice(1) : key);
+}
+
+// Where to mend it: no column is a pressure: the remark is about all columns, and the first is where to begin.
+function go(key) {
+  const own = fields.get(key)?.input || document.querySelector(`#new-rig [data-key="${key}"] input`) || [...fields].find(([, { input }]) => key === "columns" && input?.dataset.key.endsWith(".is"))?.[1].input;
+  own?.focus();
+  return Boolean(own);
+}
+
+// What stands against the rig, each by its name; what cannot be taken also with the reason.
+function against(wanting) {
+  const of = (weight) => [...new Map(wanting.filter((remark) => remark.weight === weight).map((remark) => [remark.field, remark])).values()];
+  const link = ({ field }) => h("button", { type: "button", class: "link", text: called(field), onclick: () => go(field) });
+  const open = of("open").filter(({ field }, _, all) => field !== "file" || all.length === 1);
+  return [
+    ...of("wrong").map((remark) => h("p", { class: "wrong" }, "Cannot be taken: ", link(remark), remark.says.length > SHORT ? ": the reason stands beside it" : `: ${remark.says}`)),
+    open.length ? h("p", {}, "Missing: ", open.flatMap((remark, i) => (i ? [", ", link(remark)] : [link(remark)]))) : null,
+  ];
+}
+
 function show() {
+  at("new-rig-title").textContent = `A rig for ${together()}`;
   const remarks = new Map();
   found.remarks.forEach((remark) => remarks.set(remark.field, [...(remarks.get(remark.field) || []), remark]));
   // where a sensor stands is looked for once its unit is known
@@ -187,10 +233,8 @@ function show() {
   put(at("new-rig-understood"), [...new Set([...(found.columns.length && alike() ? [sampled(found.columns[0])] : []), ...found.understood])].map((text) => h("li", { text })), [...new Set(found.guessed)].map((text) => h("li", { class: "advice", text: `a guess: ${text}` })));
   draw();
   const wanting = found.remarks.filter((remark) => remark.weight !== "assumed");
-  const of = (weight) => new Set(wanting.filter((remark) => remark.weight === weight).map((remark) => remark.field)).size;
-  const answersThat = (n, one, several) => n > 0 && (n === 1 ? `One answer ${one}.` : `${n} answers ${several}.`);
   const doubts = found.rig?.doubts || [];
-  put(at("new-rig-says"), wanting.length ? h("p", { text: [answersThat(of("wrong"), "cannot be taken", "cannot be taken"), answersThat(of("open"), "is missing", "are missing")].filter(Boolean).join(" ") }) : null,
+  put(at("new-rig-says"), against(wanting),
     found.rig ? h("p", {}, "Writes ", h("b", { text: found.writes[0] }), " and ", h("b", { text: found.writes[1] }), ` in ${found.folder}; nothing is replaced.`) : null,
     doubts.length ? h("ul", { class: "advice" }, doubts.map((text) => h("li", { text }))) : null,
     found.rig ? h("details", {}, h("summary", { text: `${found.writes[0]} as it will be` }), h("pre", { text: found.rig.text })) : null);
@@ -222,14 +266,13 @@ async function make() {
     await look();
     const wanting = new Set(found.remarks.filter((remark) => remark.weight !== "assumed").map((remark) => remark.field));
     if (wanting.size) {
-      // no column is a pressure: the remark is about all columns, and the first is where to mend it
-      const first = [...fields].find(([key, { input }]) => input && wanting.has(key)) || [...fields].find(([, { input }]) => input?.dataset.key.endsWith(".is"));
-      first?.[1].input.focus();
+      const first = [...fields.keys()].find((key) => wanting.has(key) && fields.get(key).input);
+      if (!first || !go(first)) [...wanting].some(go);
       return;
     }
     app.opens = true;
     document.querySelector("#new-rig .primary").textContent = "Importing…";
-    await post("/api/new-rig", { table, form: form(), accept: true });
+    await post("/api/new-rig", { table, further: further(), form: form(), accept: true });
     sessionStorage.removeItem(kept());
     leave(true);
     await refresh();
@@ -244,10 +287,13 @@ async function make() {
 }
 
 // Shows the form of a table of the folder, or of one that was dropped.
-export async function makeRig(name) {
+export async function makeRig(name, dropped = []) {
   table = name;
   found = null;
   answers = JSON.parse(sessionStorage.getItem(kept()) || "{}");
+  // what was ticked may be gone; what is dropped together is of one closure
+  if (dropped.length) answers.further = dropped;
+  else if (further().length) answers.further = further().filter((own) => app.state.tables.includes(own));
   document.body.classList.add("making");
   at("new-rig").hidden = false;
   put(at("new-rig"), h("p", { text: `Reading ${name}…` }));
@@ -278,6 +324,6 @@ export function tables() {
   const only = named || (all.length === 1 && !runs.length ? all[0] : null);
   if (only && !begun && !left) { begun = true; makeRig(only); return; }
   at("new-rig").hidden = !all.length;
-  put(at("new-rig"), h("h2", { text: runs.length ? "Tables in this folder" : "No recording is here yet, but tables of a logger" }), h("p", { class: "hint", text: "Choose one to make a rig and a recording of it." }),
+  put(at("new-rig"), h("h2", { text: runs.length ? "Tables in this folder" : "No recording is here yet, but tables of a logger" }), h("p", { class: "hint", text: all.length > 1 ? "Choose one to make a rig and a recording of it. Further tables of the same closure are joined to it in the next step." : "Choose it to make a rig and a recording of it." }),
     h("ul", {}, all.map((name) => h("li", {}, h("button", { type: "button", class: "link", text: name, "data-key": `table ${name}`, onclick: () => makeRig(name) })))));
 }

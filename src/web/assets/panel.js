@@ -22,10 +22,10 @@ export class Panel {
     this.rms = h("span", { class: "rms" });
     this.legend = h("div", { class: "legend" });
     this.reading = h("output", { class: "reading" });
-    this.box = h("div", { class: "plot" });
+    this.box = h("div", { class: "plot" }, this.reading);
     const several = app.state.open.runs.length > 1 ? ` · ${run.name}` : "";
     this.card = h("div", { class: "card chart", role: "group", "aria-label": `Measurement and model at ${sensor.name}` },
-      h("h3", {}, h("b", { text: sensor.name }), ` ${digits(sensor.position_m, 4)} m${several}`, this.legend, this.reading, this.rms, menu(this)), this.box);
+      h("h3", {}, h("b", { text: sensor.name }), ` ${digits(sensor.position_m, 4)} m${several}`, this.legend, this.rms, menu(this)), this.box);
   }
   // The chart as picture.js takes it.
   pictured() {
@@ -52,7 +52,6 @@ export class Panel {
     const text = reading(time, said, cursor, symbol(this));
     if (text === this.reading.textContent) return;
     this.reading.textContent = text;
-    this.card.classList.toggle("reads", Boolean(text));
   }
   // The curve of the model that is being fitted, where it stands at the times that are shown.
   watch(column) {

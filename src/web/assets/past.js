@@ -6,6 +6,8 @@ import { load, zoom } from "/assets/charts.js";
 import { copier } from "/assets/commands.js";
 import { sideBySide } from "/assets/sidebyside.js";
 
+// The widths of a sensor's name and of a cell of a cycle, px.
+const [NAME_PX, CELL_PX] = [62, 26];
 const LEVELS = [1.25, 2, 4, 8, 16, 32, 64];
 
 // Where an error stands on the axis, percent: its noise is at 12.
@@ -122,7 +124,15 @@ export function fails() {
   const level = (v) => { const i = LEVELS.findIndex((l) => v <= l); return i < 0 ? 7 : i; };
   const cell = (r, c) => h("td", {}, h("button", { type: "button", class: `h${level(c.over_noise)}`, text: c.over_noise.toFixed(c.over_noise < 9.95 ? 1 : 0), "aria-label": `${r.name}, cycle ${c.cycle}: ${digits(c.over_noise, 2)} times the noise; show it`, title: `cycle ${c.cycle}: ${digits(c.from_s, 4)} s to ${digits(c.to_s, 4)} s`, onclick: () => see(c) }));
   const several = app.state.open?.runs.length > 1;
-  put(at("cycles"), rows.length ? h("table", {},
-    h("thead", {}, h("tr", {}, h("th", { scope: "col", text: "cycle" }), Array.from({ length: most }, (_, i) => h("th", { scope: "col", text: i + 1 })))),
-    h("tbody", {}, rows.map((r) => h("tr", {}, h("th", { scope: "row", text: several ? `${r.name} ${r.run + 1}` : r.name }), r.cells.map((c) => cell(r, c)))))) : null);
+  // as many cycles in a row as the panel has room for
+  const room = Math.max(4, Math.floor((at("cycles").clientWidth - NAME_PX) / CELL_PX));
+  const named = (r) => h("th", { scope: "row", text: several ? `${r.name} ${r.run + 1}` : r.name });
+  const block = (from) => {
+    const numbers = Array.from({ length: Math.min(room, most - from) }, (_, i) => from + i);
+    const own = rows.filter((r) => r.cells.length > from);
+    return [h("thead", {}, h("tr", {}, h("th", { scope: "col", text: "cycle" }), numbers.map((i) => h("th", { scope: "col", text: i + 1 })))),
+      h("tbody", {}, own.map((r) => h("tr", {}, named(r), r.cells.slice(from, from + room).map((c) => cell(r, c)))))];
+  };
+  const blocks = Array.from({ length: Math.ceil(most / room) }, (_, i) => block(i * room)).flat();
+  put(at("cycles"), rows.length ? h("table", {}, blocks) : null);
 }

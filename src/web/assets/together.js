@@ -12,12 +12,12 @@ export class Together {
   constructor(panels, axis) {
     Object.assign(this, { panels, axis, plots: [], drawn: [[], []], data: {} });
     this.reading = h("output", { class: "reading" });
-    this.box = h("div", { class: "plot" });
+    this.box = h("div", { class: "plot" }, this.reading);
     const name = (panel) => `${panel.sensor.name}${panel.run === panels[0].run ? "" : ` ${panel.run.name}`}`;
     this.names = panels.map(name);
     const key = (text, stroke) => h("span", { class: "key" }, h("i", { class: "swatch", style: { background: `var(${stroke})` } }), text);
     this.card = h("div", { class: "card chart", role: "group", "aria-label": "Measurement and model at all sensors" },
-      h("h3", {}, h("b", { text: "All sensors" }), h("div", { class: "legend" }, this.names.map((text, i) => key(text, of(i))), key("model", "--model")), this.reading), this.box);
+      h("h3", {}, h("b", { text: "All sensors" }), h("div", { class: "legend" }, this.names.map((text, i) => key(text, of(i))), key("model", "--model"))), this.box);
     this.legend = h("div");
     this.lay();
   }
@@ -38,7 +38,6 @@ export class Together {
     const text = each.map((said, i) => (i ? said.split(" · ").slice(1).join(" · ") : said)).filter(Boolean).join(" · ");
     if (text === this.reading.textContent) return;
     this.reading.textContent = text;
-    this.card.classList.toggle("reads", Boolean(text));
   }
   fills() {
     return this.drawn[1].slice(1);

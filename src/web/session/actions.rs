@@ -83,7 +83,13 @@ impl Bench {
         match action {
             Action::Diagnose => return self.diagnose().map(Some),
             Action::Add(effect, set) => self.add(effect, set)?,
-            Action::Remove(effect) => self.take_out(effect)?,
+            Action::Remove(effect) => {
+                self.take_out(effect)?;
+                // an effect that is taken out asks what is missing instead
+                if self.is_undiagnosed_of_old() {
+                    return self.diagnose().map(Some);
+                }
+            }
             Action::Profile(name, run) => self.walk(name, run.as_deref())?,
             Action::Fit(wishes) => {
                 self.fit_in_force()?;

@@ -81,20 +81,20 @@ pub struct Dropped {
 }
 
 impl Dropped {
-    /// The name of the first file as a folder lists it, and its bytes.
+    /// The names of the files as a folder lists them, and their bytes.
     ///
     /// # Errors
     /// A file without a name, content that is not base64.
-    pub fn unpacked(&self) -> Result<(String, Vec<u8>), AnyError> {
-        unpacked(&self.name, &self.content)
+    pub fn unpacked(&self) -> Result<Vec<(String, Vec<u8>)>, AnyError> {
+        let further = self.further.iter().map(|file| (&file.name, &file.content));
+        let all = std::iter::once((&self.name, &self.content)).chain(further);
+        all.map(|(name, content)| unpacked(name, content)).collect()
     }
 
     /// Writes all files to a folder, each under its name, and returns their paths.
     fn unpack_to(&self, scratch: &Path) -> Result<Vec<PathBuf>, AnyError> {
-        let further = self.further.iter().map(|file| (&file.name, &file.content));
         let mut paths = Vec::new();
-        for (number, (name, content)) in std::iter::once((&self.name, &self.content)).chain(further).enumerate() {
-            let (name, bytes) = unpacked(name, content)?;
+        for (number, (name, bytes)) in self.unpacked()?.into_iter().enumerate() {
             // two files may have one name
             let own = scratch.join(number.to_string());
             std::fs::create_dir(&own)?;
@@ -145,16 +145,10 @@ pub fn take(dropped: &Dropped, rig: Option<&Rig>, folder: &Path) -> Result<(Valu
             )
             .into());
         }
-        if rig.is_none() {
-            return Err(format!(
-                "a rig is made from one table: drop {} alone first; once its rig is there, drop all files of a closure together",
-                name_of(path)
-            )
-            .into());
-        }
     }
     let Some(rig) = own.as_ref().map(|recording| &recording.rig).or(rig) else {
-        return Ok((json!({ "needs_rig": name_of(path) }), None));
+        let further: Vec<String> = paths[1..].iter().map(|path| name_of(path)).collect();
+        return Ok((json!({ "needs_rig": name_of(path), "further": further }), None));
     };
     let sensors: Vec<&str> = rig.sensors.iter().map(|sensor| sensor.name.as_str()).collect();
     let mut remarks = Vec::new();

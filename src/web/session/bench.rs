@@ -76,6 +76,8 @@ struct Models {
     profiles: BTreeMap<(usize, usize), Arc<Profile>>,
     /// The latest diagnoses by the number of their model, oldest first.
     diagnoses: Vec<(usize, Arc<Diagnosis>)>,
+    /// So many models were there when the file was read: what was once diagnosed of them is not in it.
+    read: usize,
     /// The text of a file that another program wrote and that holds no models; it is complained of once.
     rejected: Option<String>,
 }
@@ -83,7 +85,8 @@ struct Models {
 impl Models {
     /// Of a file, of which nothing has been computed yet.
     fn of(file: ModelFile) -> Models {
-        Models { file, fits: BTreeMap::new(), profiles: BTreeMap::new(), diagnoses: Vec::new(), rejected: None }
+        let read = file.models.len();
+        Models { file, fits: BTreeMap::new(), profiles: BTreeMap::new(), diagnoses: Vec::new(), read, rejected: None }
     }
 }
 
@@ -176,6 +179,15 @@ impl Bench {
         let models = self.models();
         let of_force = models.diagnoses.iter().rfind(|(number, _)| *number == models.file.in_force);
         of_force.map(|(_, found)| found.clone())
+    }
+
+    /// True where the model in force is one that the file held already, and what it lacks has not been asked since.
+    pub fn is_undiagnosed_of_old(&self) -> bool {
+        let is_of_old = {
+            let models = self.models();
+            models.file.in_force <= models.read
+        };
+        is_of_old && self.diagnosis().is_none()
     }
 
     /// The model that is being fitted, as it is at this moment.

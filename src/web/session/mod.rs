@@ -218,8 +218,7 @@ impl Session {
         let rig = rig.filter(|_| !dropped.new_rig);
         let (mut about, written) = arrival::take(dropped, rig.as_ref(), &self.folder())?;
         if about["needs_rig"].is_string() {
-            let (name, bytes) = dropped.unpacked()?;
-            self.tables.keep(&name, &bytes)?;
+            self.tables.keep(&dropped.unpacked()?)?;
         }
         written.into_iter().for_each(|path| self.take_up(path, &mut about));
         Ok(about)

@@ -101,6 +101,25 @@ fn taking_an_effect_out_gives_back_the_model_that_was_with_its_diagnosis() {
     assert_eq!(bench.state()["models"], held["models"]);
 }
 
+/// What was diagnosed is not in a model file: it is asked again where a model comes back without its effect.
+#[test]
+fn an_effect_that_is_taken_out_of_a_file_leaves_a_diagnosis() {
+    let folder = folder_with(CREEP);
+    let bench = Workbench::open(folder.path(), &["run.mcap"]);
+    bench.fitted();
+    bench.job("/api/diagnose", &json!({}));
+    let before = bench.state();
+    bench.job("/api/add", &json!({ "effect": "viscoelastic-wall" }));
+    drop(bench);
+    let bench = Workbench::open(folder.path(), &["run.model.toml"]);
+    bench.fitted();
+    bench.job("/api/remove", &json!({ "effect": "viscoelastic-wall" }));
+    let after = bench.state();
+    assert_eq!((&after["model"]["effects"], &after["model"]["number"]), (&json!([]), &json!(1)));
+    let [was, is] = [&before, &after].map(|state| &state["diagnosis"]);
+    assert_eq!((&is["verdict"], &is["candidates"][0]["effect"]), (&was["verdict"], &was["candidates"][0]["effect"]));
+}
+
 #[test]
 fn how_well_a_parameter_is_known_is_what_the_command_says() {
     let folder = folder_with(CREEP);

@@ -177,7 +177,7 @@ fn a_table_that_was_dropped_is_asked_for_its_rate_and_ranges_and_replaces_nothin
     let bench = Workbench::open(folder.path(), &["."]);
     std::fs::write(folder.path().join("volts.mcap"), "not to be replaced").unwrap();
     let dropped = bench.post("/api/import", &json!({ "name": "volts.csv", "content": base64(volts.as_bytes()) }), 200);
-    assert_eq!(dropped, json!({ "needs_rig": "volts.csv" }));
+    assert_eq!(dropped, json!({ "needs_rig": "volts.csv", "further": [] }));
     // what an error of the library names by an option, the page names by its field
     let unread = asked(&bench, "volts.csv", &answers(&json!({ "reading": {} })));
     let (_, says) = remark(&unread, "file").unwrap();
@@ -237,4 +237,89 @@ fn the_order_of_day_and_month_of_a_dropped_table_is_asked_for() {
     let state = bench.until("the import", |s| s["open"]["runs"][0]["name"] == "dated.mcap" && !s["model"].is_null());
     let recorded = state["open"]["runs"][0]["recorded_at"].as_str().unwrap();
     assert!(recorded.starts_with("2026-03-04T09:00:"), "{recorded}");
+}
+
+/// The shipped table in two: by its sensors with the same times, or one half after the other.
+fn in_two(by_sensors: bool) -> [String; 2] {
+    let table = std::fs::read_to_string(here(LOGGER)).unwrap();
+    let lines: Vec<Vec<&str>> = table.lines().skip(3).map(|line| line.split(';').collect()).collect();
+    // sample, time, valve, middle, flow
+    let of = |rows: &[Vec<&str>], columns: &[usize]| -> String {
+        let line = |cells: &Vec<&str>| columns.iter().map(|i| cells[*i]).collect::<Vec<_>>().join(";") + "\n";
+        rows.iter().map(line).collect()
+    };
+    if by_sensors {
+        [of(&lines, &[1, 2, 4]), of(&lines, &[1, 3])]
+    } else {
+        let all = [1, 2, 3, 4];
+        let half = lines.len() / 2;
+        [of(&lines[..half], &all), of(&lines[..1], &all) + &of(&lines[half..], &all)]
+    }
+}
+
+#[test]
+fn tables_of_one_closure_are_joined_as_the_commands_join_them() {
+    for (by_sensors, dropped) in [(true, false), (false, false), (true, true)] {
+        let folder = tempfile::tempdir().unwrap();
+        let [first, second] = in_two(by_sensors);
+        std::fs::write(folder.path().join("a.csv"), &first).unwrap();
+        std::fs::write(folder.path().join("b.csv"), &second).unwrap();
+        let pipe = ["--material", "copper", "--length-m", "100", "--pipe", "22x1.5", "--temperature-degC", "18"];
+        let new = ["rig", "new", "a.csv", "b.csv", "--yes", "--time-unit", "ms", "-o", "../by-command.toml"];
+        let place = folder.path().join("own");
+        std::fs::create_dir(&place).unwrap();
+        for name in ["a.csv", "b.csv"] {
+            std::fs::rename(folder.path().join(name), place.join(name)).unwrap();
+        }
+        done_in(&place, &[&new[..], &pipe[..]].concat());
+        let import = [
+            "import",
+            "a.csv",
+            "b.csv",
+            "--rig",
+            "../by-command.toml",
+            "--time-unit",
+            "ms",
+            "-o",
+            "../by-command.mcap",
+        ];
+        done_in(&place, &import);
+        let bench = Workbench::open(&place, &["."]);
+        if dropped {
+            std::fs::remove_file(place.join("a.csv")).unwrap();
+            std::fs::remove_file(place.join("b.csv")).unwrap();
+            let further = json!([{ "name": "b.csv", "content": base64(second.as_bytes()) }]);
+            let files = json!({ "name": "a.csv", "content": base64(first.as_bytes()), "further": further });
+            let taken = bench.post("/api/import", &files, 200);
+            assert_eq!(taken, json!({ "needs_rig": "a.csv", "further": ["b.csv"] }));
+        }
+        let form = answers(&json!({}));
+        let alone = asked(&bench, "a.csv", &form);
+        assert_eq!(alone["beside"], json!(["b.csv"]), "the other table is named");
+        let both = |accept: bool| json!({ "table": "a.csv", "further": ["b.csv"], "form": form, "accept": accept });
+        let looked = bench.post("/api/new-rig", &both(false), 200);
+        assert_eq!(looked["columns"].as_array().unwrap().len(), 3, "{looked}");
+        assert!(looked["understood"].to_string().contains("b.csv: a part of one record") || by_sensors, "{looked}");
+        let written = bench.post("/api/new-rig", &both(true), 200);
+        assert_eq!(written["written"], json!(["rig.toml", "a.mcap"]));
+        bench.fitted();
+        let summary = |folder: &Path, name: &str| {
+            let seen = done_in(folder, &["inspect", name]);
+            [seen["wave_speed_m_s"].clone(), seen["steady_velocity_m_s"].clone(), seen["sensors"].clone()]
+        };
+        assert_eq!(summary(&place, "a.mcap"), summary(folder.path(), "by-command.mcap"), "{by_sensors}");
+    }
+}
+
+#[test]
+fn tables_that_are_not_of_one_closure_are_refused_with_the_reason() {
+    let folder = with_logger();
+    std::fs::copy(here(LOGGER), folder.path().join("again.csv")).unwrap();
+    let bench = Workbench::open(folder.path(), &["."]);
+    let both = |accept: bool| json!({ "table": "logger.csv", "further": ["again.csv"], "form": answers(&json!({})), "accept": accept });
+    let looked = bench.post("/api/new-rig", &both(false), 200);
+    let (weight, says) = remark(&looked, "file").unwrap();
+    assert!(weight == "wrong" && says.contains("again.csv") && says.contains("at the same times"), "{looked}");
+    bench.post("/api/new-rig", &both(true), 400);
+    assert_eq!(files(folder.path()).len(), 2, "nothing is written");
 }
