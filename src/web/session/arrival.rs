@@ -137,14 +137,14 @@ pub fn take(dropped: &Dropped, rig: Option<&Rig>, folder: &Path) -> Result<(Valu
     let path = &paths[0];
     // A recording knows its rig, and is taken as it is.
     let own = if dropped.rig_of.is_none() { read(path).ok() } else { None };
-    if paths.len() > 1 {
-        if let Some(whole) = paths.iter().find(|path| read(path).is_ok()) {
-            return Err(format!(
-                "{} is a whole recording, and goes with no other file: drop recordings one after the other",
-                name_of(whole)
-            )
-            .into());
-        }
+    if paths.len() > 1
+        && let Some(whole) = paths.iter().find(|path| read(path).is_ok())
+    {
+        return Err(format!(
+            "{} is a whole recording, and goes with no other file: drop recordings one after the other",
+            name_of(whole)
+        )
+        .into());
     }
     let Some(rig) = own.as_ref().map(|recording| &recording.rig).or(rig) else {
         let further: Vec<String> = paths[1..].iter().map(|path| name_of(path)).collect();

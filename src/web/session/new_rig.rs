@@ -126,7 +126,8 @@ impl Tables {
     /// Nothing is written then.
     pub fn take(&self, asked: &Asked, tables: &[PathBuf], folder: &Path) -> Result<(Value, Option<PathBuf>), AnyError> {
         let path = |name: &String| {
-            self.path(name, tables).ok_or_else(|| format!("there is no such table as {name}: drop it on the page again"))
+            self.path(name, tables)
+                .ok_or_else(|| format!("there is no such table as {name}: drop it on the page again"))
         };
         let paths = std::iter::once(&asked.table).chain(&asked.further).map(path).collect::<Result<Vec<_>, _>>()?;
         let name = Path::new(&asked.table);
