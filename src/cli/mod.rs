@@ -14,7 +14,7 @@ use crate::cli::console::last_words::LastWords;
 use crate::cli::console::outcome::{CommandResult, FAILED};
 use crate::cli::console::print::tell;
 use crate::cli::console::refusal::in_words;
-use crate::cli::console::stop::STOP;
+use crate::cli::console::stop::{STOP, outlive_file_limits};
 use crate::shown::{Shown as _, controls};
 
 /// Record, model and calibrate water-hammer tests, and find the physics a model lacks.
@@ -86,6 +86,8 @@ fn refuse(error: &clap::Error, arguments: &[OsString]) -> ! {
 pub fn run(arguments: &[OsString]) -> u8 {
     let parsed = command().try_get_matches_from(arguments).and_then(|matches| Cli::from_arg_matches(&matches));
     let cli = parsed.unwrap_or_else(|error| refuse(&error, arguments));
+    // without it such a write ends the program, as it always did
+    let _ = outlive_file_limits();
     let result: CommandResult = match cli.command {
         Command::Import(args) => commands::import::run(args, cli.json),
         Command::Demo(args) => commands::demo::run(args, cli.json),

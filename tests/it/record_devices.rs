@@ -351,7 +351,7 @@ fn a_full_disk_ends_the_recording_with_a_whole_file_and_a_clear_word() {
     let text = text.replace("device = \"plc\"\nchannel = 20\nencoding = \"i32\"\nword_order = \"little\"\n", "");
     std::fs::write(&rig, text).unwrap();
     let command = format!(
-        "trap '' XFSZ; ulimit -f 300; exec '{}' record --json --simulate --speed 0 --duration 20 --rig '{}' -o '{}'",
+        "ulimit -f 300; exec '{}' record --json --simulate --speed 0 --duration 20 --rig '{}' -o '{}'",
         env!("CARGO_BIN_EXE_surgescope"),
         rig.display(),
         file.display()

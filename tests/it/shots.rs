@@ -280,7 +280,7 @@ fn a_shot_on_a_full_disk_says_why_and_how_much_of_it_there_is() {
     let folder = tempfile::tempdir().unwrap();
     let (rig, csv) = series(folder.path());
     let command = format!(
-        "trap '' XFSZ; ulimit -f 24; exec '{}' record --json --replay '{}' --rig '{}' --speed 0 --trigger edge --pre 2 --post 3 --out-dir '{}'",
+        "ulimit -f 24; exec '{}' record --json --replay '{}' --rig '{}' --speed 0 --trigger edge --pre 2 --post 3 --out-dir '{}'",
         env!("CARGO_BIN_EXE_surgescope"),
         csv.display(),
         rig.display(),

@@ -1,4 +1,4 @@
-//! Ctrl-C and the requests to terminate.
+//! Signals: Ctrl-C and the requests to terminate, and files that reach their limit.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -7,6 +7,26 @@ pub(crate) static STOP: AtomicBool = AtomicBool::new(false);
 
 /// Set by the second of them: what is at work need not be finished.
 pub(crate) static STOP_AT_ONCE: AtomicBool = AtomicBool::new(false);
+
+/// A write beyond the shell's limit of a file's size (`ulimit -f`) fails as one on a full disk does, and is told as that; the system would end the
+/// program without a word. The handler stays for as long as the program runs, and no device's program inherits it.
+///
+/// # Errors
+/// No handler can be set.
+#[cfg(unix)]
+pub(crate) fn outlive_file_limits() -> std::io::Result<()> {
+    use tokio::signal::unix::{SignalKind, signal};
+
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    let _inside = runtime.enter();
+    signal(SignalKind::from_raw(nix::libc::SIGXFSZ)).map(drop)
+}
+
+/// Elsewhere no signal comes.
+#[cfg(not(unix))]
+pub(crate) fn outlive_file_limits() -> std::io::Result<()> {
+    Ok(())
+}
 
 /// Lets Ctrl-C and the requests to terminate or hang up end the recording, not the program: its file is made whole first.
 #[cfg(unix)]

@@ -62,6 +62,8 @@ let met = false;
 
 whenLooked(title);
 let loaded = null;
+// the first curves
+let first = null;
 onState(() => {
   // where no run is open there is nothing to fit or to explain
   document.body.classList.toggle("bare", !app.state.open && !app.state.job);
@@ -73,7 +75,11 @@ onState(() => {
   charts();
   // the curves are on their way while the rest is drawn
   const key = modelKey();
-  if (key !== loaded) { loaded = key; load(); }
+  if (key !== loaded) {
+    loaded = key;
+    const coming = load();
+    first ||= coming;
+  }
   rig();
   models();
   fails();
@@ -178,9 +184,12 @@ function effects(all) {
   if (app.state) missing();
 }
 
-// The charts come first. Then the page listens, and fetches the state again: no change in between is lost.
+// The charts come first, and are painted. Then the page listens, and fetches the state again: no change in between is lost. A tab that is not seen
+// paints nothing, and does not wait for it.
+const FRAME_MS = 100;
+const painted = () => new Promise((done) => { requestAnimationFrame(() => setTimeout(done)); setTimeout(done, FRAME_MS); });
 const why = () => !app.state.open && app.state.failed && complain(new Error(app.state.failed), true);
-renew().then(why).catch(complain).finally(() => {
+renew().then(why).catch(complain).then(() => first).then(painted).then(() => {
   listen(events);
   redraw();
   ask("/api/effects").then(effects).catch(complain);

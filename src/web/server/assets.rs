@@ -33,11 +33,15 @@ const CHARTS: [Asset; 2] = [
     ("uPlot.min.css", CSS, include_str!("../../report/html/assets/uplot/uPlot.min.css")),
 ];
 
+/// What the modules ask for first.
+const STATE: &str = "</api/state>; rel=preload; as=fetch; crossorigin=anonymous";
+
 /// The page itself. Its header names all modules, so that a browser fetches them at once and not level by level: over a network each level costs a
-/// round trip.
+/// round trip. The state of the session comes with them.
 pub(crate) fn page() -> impl IntoResponse {
     let modules = PAGE.iter().filter(|(_, kind, _)| *kind == JS);
-    let links: Vec<String> = modules.map(|(name, ..)| format!("</assets/{name}>; rel=modulepreload")).collect();
+    let modules = modules.map(|(name, ..)| format!("</assets/{name}>; rel=modulepreload"));
+    let links: Vec<String> = std::iter::once(STATE.to_owned()).chain(modules).collect();
     ([(LINK, links.join(", "))], answer("index.html"))
 }
 
