@@ -8,7 +8,7 @@ use crate::record::devices::source::Sources;
 use crate::record::health::snapshot::Snapshot;
 use crate::record::session::live_test::{Options, live_devices, record};
 use crate::record::session::output::Summary;
-use crate::rig::{Device, Port, Rig};
+use crate::rig::{Device, Port, Protocol, Rig};
 use crate::simulate::playback::{Timing, USUAL_SEED, of_scenario};
 use crate::simulate::scenario::Scenario;
 use crate::simulate::wiring::wired;
@@ -63,6 +63,13 @@ pub fn record_playbacks(
     stop: &AtomicBool,
     report: &mut dyn FnMut(Snapshot),
 ) -> Result<Summary, Box<dyn Error + Send + Sync>> {
+    let is_asked = |device: &Device| matches!(device.protocol, Protocol::ModbusRtu { .. });
+    if let Some(fault) = faults.of_asked().filter(|_| !played.iter().any(|(device, _)| is_asked(device))) {
+        return Err(format!(
+            "the fault '{fault}' is of devices that are asked (protocol = \"modbus-rtu\"), and none of those that are recorded is: leave it out"
+        )
+        .into());
+    }
     let mut devices = Vec::new();
     // Lines by the port that stands in the rig file: Modbus slaves may share one.
     let mut simulated: Vec<(Port, SimulatedDevice, Vec<Script>)> = Vec::new();

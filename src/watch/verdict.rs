@@ -2,7 +2,7 @@
 
 use crate::diagnose::{Diagnosis, Verdict};
 use crate::fit::outcome::fit::{Fit, FittedParameter};
-use crate::report::history::text::value_of;
+use crate::number::{significant, with_error};
 use crate::report::text::number::{error_m, plus_minus, probability, times_noise};
 use crate::results::history::drift::{Expected, Point, expected};
 use crate::results::history::{Finding, Run, Value};
@@ -106,6 +106,14 @@ pub fn line_of(run: &Run) -> String {
     }
 }
 
+/// A value in the digits of its error; of a model that lacks something, which pulls it by nobody knows how much, about that.
+fn told(value: &Value, lacks: bool) -> String {
+    if lacks {
+        return format!("≈ {}", significant(value.value, 3));
+    }
+    with_error(value.value, value.standard_error.unwrap_or(f64::INFINITY))
+}
+
 /// All in one line, without the file's name: verdict, error, wave speed, how it compares, what to do.
 pub fn line(diagnosis: &Diagnosis, finding: &Finding, compared: &Compared, accepted: bool, file: &str) -> String {
     let Finding { rmse_m, noise_m, probability: certain, .. } = finding;
@@ -125,10 +133,14 @@ pub fn line(diagnosis: &Diagnosis, finding: &Finding, compared: &Compared, accep
         }
         _ => vec![format!("something is missing {beyond} that no effect explains (probability {sure})"), error],
     };
-    let speeds = finding.parameters.iter().filter(|v| v.name.starts_with("wave_speed_m_s"));
+    // that of the model that explains the record, where there is one
+    let answer = diagnosis.answer().map(values);
+    let lacks = answer.is_none() && finding.lacks_something();
+    let of_model = answer.as_ref().unwrap_or(&finding.parameters);
+    let speeds = of_model.iter().filter(|v| v.name.starts_with("wave_speed_m_s"));
     parts.extend(speeds.map(|v| {
         let pipe = v.name.trim_start_matches("wave_speed_m_s");
-        format!("a{pipe} {} m/s", value_of(v, finding))
+        format!("a{pipe} {} m/s", told(v, lacks))
     }));
     parts.push(match (compared.earlier, compared.compared) {
         (0, _) => "first run of this rig and model".to_owned(),
@@ -141,7 +153,7 @@ pub fn line(diagnosis: &Diagnosis, finding: &Finding, compared: &Compared, accep
                 format!(
                     "{} {} where {} runs gave {}",
                     value.name,
-                    value_of(value, finding),
+                    told(value, finding.lacks_something()),
                     earlier,
                     plus_minus(expected.value, expected.half_width)
                 )

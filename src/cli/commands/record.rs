@@ -73,7 +73,7 @@ pub struct Args {
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = not_negative, requires = "paced", allow_negative_numbers = true)]
     speed: f64,
     /// Let the simulated devices misbehave, as in flip=0.01,drop=0.02,seed=7: probabilities per frame of flip, drop, duplicate, noise, cut,
-    /// crc, stall, reset and late (Modbus answers), and drift_ppm of their clocks.
+    /// crc, stall, reset and late (Modbus answers), drift_ppm of their clocks, and echo=true, a Modbus line that sends back the requests.
     #[arg(long, value_name = "FAULTS", requires = "simulate")]
     faults: Option<String>,
     /// Effects of the simulated test.

@@ -93,7 +93,7 @@ fn recorded(run: &Run) -> Option<chrono::DateTime<chrono::Utc>> {
 }
 
 /// A fitted value in the digits of its error; of a model that lacks something in three digits with a question mark.
-pub fn value_of(value: &Value, of: &Finding) -> String {
+fn value_of(value: &Value, of: &Finding) -> String {
     if of.lacks_something() {
         return format!("{}?", significant(value.value, 3));
     }

@@ -87,9 +87,15 @@ pub fn verdict(stages: &[Stage]) -> String {
     if !end.rmse_m.is_finite() {
         return "The error of the model is not a number: the model failed, or samples of the recording are not numbers.".into();
     }
-    let start = stages.first().map(|s| overall(s.fit)).filter(|_| stages.len() > 1);
-    let fall = start.map_or(String::new(), |s| format!("{} m → ", error_m(s.rmse_m)));
-    let error = format!("RMSE {fall}{} m", error_m(end.rmse_m));
+    // the first of several is what the last is compared with; it is a step only where it goes down
+    let first = stages.first().filter(|_| stages.len() > 1).map(|stage| (&stage.title, overall(stage.fit).rmse_m));
+    let falls = first.is_some_and(|(_, rmse_m)| rmse_m > end.rmse_m);
+    let own = error_m(end.rmse_m);
+    let error = match first {
+        Some((_, rmse_m)) if falls => format!("RMSE {} m → {own} m", error_m(rmse_m)),
+        Some((title, rmse_m)) => format!("RMSE {own} m ({title}: {} m)", error_m(rmse_m)),
+        None => format!("RMSE {own} m"),
+    };
     if !last.fit.converged {
         let noise = if end.noise_m > 0.0 { format!(", noise {} m", error_m(end.noise_m)) } else { String::new() };
         return format!("{error}{noise}; no verdict on the model: {}.", last.fit.stopped_because);
@@ -104,7 +110,7 @@ pub fn verdict(stages: &[Stage]) -> String {
             Some((name, r)) => format!("the model is down to the noise, except at {name} ({r}× its noise)"),
         },
         Closeness::Near => format!("{ratio}× the noise, the model lacks something small"),
-        Closeness::Missing if stages.len() > 1 => format!("still {ratio}× the noise, something is missing"),
+        Closeness::Missing if falls => format!("still {ratio}× the noise, something is missing"),
         Closeness::Missing => format!("{ratio}× the noise, something is missing"),
         Closeness::Unknown => {
             return format!("{error}; the noise is not known, so the error cannot be judged against it.");
@@ -176,7 +182,7 @@ mod tests {
     }
 
     fn say(fits: &[&Fit]) -> String {
-        let stages: Vec<Stage> = fits.iter().map(|&fit| Stage { title: String::new(), fit }).collect();
+        let stages: Vec<Stage> = fits.iter().map(|&fit| Stage { title: "+ leak".into(), fit }).collect();
         verdict(&stages)
     }
 
@@ -201,7 +207,13 @@ mod tests {
             say(&[&bad, &mid]),
             "RMSE 1.92 m → 0.045 m, noise 0.030 m: 1.5× the noise, the model lacks something small."
         );
-        assert!(say(&[&good, &bad]).contains("still 64× the noise"));
+        let less = fit(&[(1.0, 0.03, 9)]);
+        assert!(say(&[&bad, &less]).contains("still 33× the noise"), "{}", say(&[&bad, &less]));
+        // compared with a better model, it is no step
+        assert_eq!(
+            say(&[&good, &bad]),
+            "RMSE 1.92 m (+ leak: 0.032 m), noise 0.030 m: 64× the noise, something is missing."
+        );
     }
 
     #[test]

@@ -17,7 +17,12 @@ pub fn of_fit(fit: &Fit, runs: &[RunData]) -> Vec<String> {
     if !fit.converged {
         return Vec::new();
     }
-    let mut sentences: Vec<String> = runs.iter().flat_map(|run| of_run(fit, run)).collect();
+    runs.iter().flat_map(|run| of_run(fit, run)).map(|conflict| conflict.says).chain(of_values(fit)).collect()
+}
+
+/// Conflicts of the values with what the rig file, the grid and creep tests say.
+fn of_values(fit: &Fit) -> Vec<String> {
+    let mut sentences = Vec::new();
     sentences.extend(fit.parameters.iter().filter(|p| beyond_tolerance(p)).filter_map(stands));
     let noise = fit.runs.iter().map(|r| r.noise_m).fold(f64::INFINITY, f64::min);
     if fit.grid_error_m > 0.5 * noise {
@@ -52,9 +57,17 @@ pub fn contradicts(fit: &Fit, runs: &[RunData]) -> bool {
     runs.iter().any(|run| !of_run(fit, run).is_empty())
 }
 
+/// A contradiction between a fit and the instruments of a run.
+struct Conflict {
+    says: String,
+    /// It as a part of a sentence, where all that it says is that the model lacks something.
+    pulled: Option<String>,
+}
+
 /// Where a fit contradicts what the instruments of a run say.
-fn of_run(fit: &Fit, run: &RunData) -> Vec<String> {
+fn of_run(fit: &Fit, run: &RunData) -> Vec<Conflict> {
     let mut sentences = Vec::new();
+    let of_several = if fit.runs.len() > 1 { format!(" of {}", run.file) } else { String::new() };
     let own = |name: &str| {
         fit.parameters.iter().find(|p| p.name == name && p.run.as_ref().is_none_or(|r| *r == run.file)).map(|p| p.value)
     };
@@ -62,13 +75,14 @@ fn of_run(fit: &Fit, run: &RunData) -> Vec<String> {
     if let (Some(fitted), Some(meter)) = (fitted_flow, &run.meter)
         && (fitted / meter.flow_m3_s - 1.0).abs() > (CONFLICT_SD * meter.relative_sd).max(0.05)
     {
-        sentences.push(format!(
+        let says = format!(
             "{}: at the flow meter the model has {} L/s, which contradicts the measured {} L/s: check the meter's unit and range, the \
              diameter, and whether an effect is missing",
             run.file,
             significant(1e3 * fitted, 4),
             significant(1e3 * meter.flow_m3_s, 4)
-        ));
+        );
+        sentences.push(Conflict { says, pulled: None });
     }
     let (known_head, guessed) = run.start.valve_head_m;
     let head_sd = run.sensors.iter().map(|s| s.offset_sd_m).fold(0.0, f64::max);
@@ -76,33 +90,41 @@ fn of_run(fit: &Fit, run: &RunData) -> Vec<String> {
         && guessed.is_none()
         && (fitted - known_head).abs() > CONFLICT_SD * head_sd
     {
-        sentences.push(format!(
+        let says = format!(
             "{}: the fitted head before the valve, {fitted:.2} m, contradicts the sensors' {known_head:.2} m: the fit \
              shifts the mean level to make up for something that the model lacks",
             run.file
-        ));
+        );
+        let pulled =
+            format!("the head before the valve{of_several} is {fitted:.2} m where the sensors show {known_head:.2} m");
+        sentences.push(Conflict { says, pulled: Some(pulled) });
     }
     let (known_start, se) = run.start.closure_s;
     if let (Some(fitted), Some(closing)) = (own("closure_start_s"), own("closing_time_s"))
         && (fitted - known_start).abs() > (CONFLICT_SD * se).max(0.25 * closing)
     {
         let side = if fitted < known_start { "before" } else { "after" };
-        sentences.push(format!(
-            "{}: the fitted closure starts {} ms {side} the pressure starts to rise",
-            run.file,
-            to_error(1e3 * (fitted - known_start).abs(), 1e3 * se)
-        ));
+        let away_ms = to_error(1e3 * (fitted - known_start).abs(), 1e3 * se);
+        let says = format!("{}: the fitted closure starts {away_ms} ms {side} the pressure starts to rise", run.file);
+        let pulled = format!("the closure{of_several} starts {away_ms} ms {side} the pressure starts to rise");
+        sentences.push(Conflict { says, pulled: Some(pulled) });
     }
-    if let Some(scale) = own("friction_scale")
-        && !(0.5..=2.0).contains(&scale)
-    {
-        sentences.push(format!(
-            "{}: the fitted friction is {scale:.2} times that of the pipe: an effect that dissipates energy is missing, or there is one too \
-             many",
+    let own_friction = |p: &&FittedParameter| is_strange_friction(p) && p.run.as_ref().is_none_or(|r| *r == run.file);
+    if let Some(friction) = fit.parameters.iter().find(own_friction) {
+        let at_bound = if friction.at_bound { ", its bound" } else { "" };
+        let scale = format!("{:.2} times that of the pipe{at_bound}", friction.value);
+        let says = format!(
+            "{}: the fitted friction is {scale}: an effect that dissipates energy is missing, or there is one too many",
             run.file
-        ));
+        );
+        sentences.push(Conflict { says, pulled: Some(format!("the friction{of_several} is {scale}")) });
     }
     sentences
+}
+
+/// A friction that no wall of the rig's has.
+fn is_strange_friction(p: &FittedParameter) -> bool {
+    p.name == "friction_scale" && !(0.5..=2.0).contains(&p.value)
 }
 
 /// One sentence for each sensor that stands elsewhere than the rig file says, within its tolerance: no conflict.
@@ -180,40 +202,47 @@ fn dies_away(run: &RunFit, shared: &str) -> String {
     )
 }
 
-/// A sentence where the model leaves more than the noise and its grid's own error: its intervals take account of how large and how slow that error is, not
-/// of where the missing effect pulls the parameters.
-pub fn too_narrow(fit: &Fit) -> Option<String> {
-    let (rmse_m, noise_m) = fit.pooled();
-    fit.converged.then(|| lacking(rmse_m, noise_m, fit.grid_error_m)).flatten()
-}
-
 /// Whether a model leaves more than the noise and its grid's own error: then the errors of its values are lower bounds.
 pub fn lacks_something(rmse_m: f64, noise_m: f64, grid_error_m: f64) -> bool {
     rmse_m > LACKING_RATIO * noise_m.hypot(2.0 * grid_error_m)
 }
 
-fn lacking(rmse_m: f64, noise_m: f64, grid_error_m: f64) -> Option<String> {
-    lacks_something(rmse_m, noise_m, grid_error_m).then(|| {
-        format!(
-            "the model leaves {} times the noise: what it lacks pulls its parameters away, by how much nobody knows. The 95% intervals are lower \
-             bounds of what is uncertain, those of creep and wave speed among them",
-            significant(rmse_m / noise_m, 2)
-        )
-    })
+/// A sentence where the model leaves more than the noise and its grid's own error, with where what it lacks has `pulled` its values as far as that
+/// shows. Its intervals take account of how large and how slow that error is, not of where the missing effect pulls the parameters.
+fn lacking(rmse_m: f64, noise_m: f64, pulled: &[String]) -> String {
+    let shown = if pulled.is_empty() { String::new() } else { format!(" ({})", pulled.join("; ")) };
+    format!(
+        "the model leaves {} times the noise: what it lacks pulls its parameters away, by how much nobody knows{shown}. The 95% intervals are \
+         lower bounds of what is uncertain, those of creep and wave speed among them",
+        significant(rmse_m / noise_m, 2)
+    )
 }
 
 /// All warnings of a fit: conflicts with what was known, sensors that stand elsewhere, parameters at their bounds, noise that dies away, and intervals
-/// that are too narrow because an effect is missing.
+/// that are too narrow because an effect is missing. What says no more than that is part of that sentence.
 pub fn warnings(fit: &Fit, runs: &[RunData]) -> Vec<String> {
+    let records = of_records(runs).into_iter();
     // Values away from an optimum contradict nothing.
-    let at_optimum = moved_sensors(fit).into_iter().chain(at_bounds(fit)).filter(|_| fit.converged);
-    conflicts(fit, runs).into_iter().chain(at_optimum).chain(faded_noise(fit)).chain(too_narrow(fit)).collect()
+    if !fit.converged {
+        return records.chain(faded_noise(fit)).collect();
+    }
+    let (rmse_m, noise_m) = fit.pooled();
+    let lacks = lacks_something(rmse_m, noise_m, fit.grid_error_m);
+    let of_runs = runs.iter().flat_map(|run| of_run(fit, run));
+    let (pulled, own): (Vec<Conflict>, Vec<Conflict>) =
+        of_runs.partition(|conflict| lacks && conflict.pulled.is_some());
+    let (pulled, own) = (pulled.into_iter().filter_map(|c| c.pulled), own.into_iter().map(|c| c.says));
+    let (beside, bounds) = if lacks { (at_bounds(fit), Vec::new()) } else { (Vec::new(), at_bounds(fit)) };
+    let pulled: Vec<String> = pulled.chain(beside).collect();
+    let lacking = lacks.then(|| lacking(rmse_m, noise_m, &pulled));
+    let of_values = of_values(fit).into_iter().chain(moved_sensors(fit)).chain(bounds);
+    records.chain(own).chain(of_values).chain(faded_noise(fit)).chain(lacking).collect()
 }
 
-/// One sentence for each parameter that ended at a bound, unless it is [unidentifiable](Fit::unidentifiable).
+/// One sentence for each parameter that ended at a bound, unless it is [unidentifiable](Fit::unidentifiable), or a friction whose conflict says so.
 pub fn at_bounds(fit: &Fit) -> Vec<String> {
     let explained = |name: &String| fit.unidentifiable.iter().any(|u| u.parameters.contains(name));
-    let at_bound = fit.parameters.iter().filter(|p| p.at_bound && !explained(&p.name));
+    let at_bound = fit.parameters.iter().filter(|p| p.at_bound && !explained(&p.name) && !is_strange_friction(p));
     at_bound.map(|p| ended(p, fit.runs.len())).collect()
 }
 
@@ -264,9 +293,11 @@ mod tests {
     /// Twice the noise is too much, a tenth more is not; nor is anything where the grid's own error explains it.
     #[test]
     fn intervals_beside_a_missing_effect_are_lower_bounds() {
-        let said = lacking(0.1, 0.05, 0.0).unwrap();
+        assert!(lacks_something(0.1, 0.05, 0.0));
+        assert!(!lacks_something(0.054, 0.05, 0.0) && !lacks_something(0.1, 0.05, 0.05));
+        let said = lacking(0.1, 0.05, &["the friction is 5.00 times that of the pipe, its bound".to_owned()]);
         assert!(said.starts_with("the model leaves 2.0 times the noise") && said.contains("lower bounds"), "{said}");
-        assert_eq!((lacking(0.054, 0.05, 0.0), lacking(0.1, 0.05, 0.05)), (None, None));
+        assert!(said.contains("nobody knows (the friction is 5.00 times that of the pipe, its bound). The"), "{said}");
     }
 
     #[test]

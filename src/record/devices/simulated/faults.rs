@@ -61,6 +61,15 @@ impl Faults {
         ]
     }
 
+    /// A fault among these that only a device that is asked can have.
+    pub fn of_asked(&self) -> Option<&'static str> {
+        match () {
+            () if self.echo => Some("echo"),
+            () if self.late > 0.0 => Some("late"),
+            () => None,
+        }
+    }
+
     /// Throws the dice: at most one fault a frame.
     pub(crate) fn throw(&self, dice: &mut fastrand::Rng) -> Option<Fault> {
         let mut throw = dice.f64();
