@@ -156,6 +156,12 @@ impl Tables {
                 let weight = if reading.is_empty() { Weight::Wrong } else { Weight::Open };
                 remarks.push(Remark::new(weight, "file", says));
                 remarks.extend(reading);
+                // what the first table alone leaves open may be why they do not come together
+                if paths.len() > 1
+                    && let Ok(first) = self.read(&paths[..1], &asked.form.reading.options(&mut Vec::new()))
+                {
+                    remarks.extend(asked.form.reading.asked(&first.file.repairs));
+                }
                 about["remarks"] = json!(remarks);
                 return Ok((about, None));
             }

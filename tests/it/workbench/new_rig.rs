@@ -322,4 +322,8 @@ fn tables_that_are_not_of_one_closure_are_refused_with_the_reason() {
     assert!(weight == "wrong" && says.contains("again.csv") && says.contains("at the same times"), "{looked}");
     bench.post("/api/new-rig", &both(true), 400);
     assert_eq!(files(folder.path()).len(), 2, "nothing is written");
+    // what the tables leave open is asked for all the same
+    let unsaid = json!({ "table": "logger.csv", "further": ["again.csv"], "form": answers(&json!({ "reading": {} })) });
+    let looked = bench.post("/api/new-rig", &unsaid, 200);
+    assert_eq!(remark(&looked, "time_unit").unwrap().0, "open", "{looked}");
 }

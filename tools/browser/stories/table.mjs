@@ -103,3 +103,34 @@ await story("a table in volts that counts its samples is dropped on an empty fol
   assert.deepEqual(readdirSync(folder).filter((name) => name.endsWith(".toml")).sort(), ["rig-2.toml", "rig.toml"]);
   assert.equal((await state()).runs.length, 1, "a double click imports once");
 });
+
+// One record in two files, one half after the other.
+const halves = (csv) => {
+  const lines = csv.split("\n").filter(Boolean);
+  const [head, rows] = [lines.slice(0, 3), lines.slice(3)];
+  const half = Math.floor(rows.length / 2);
+  return [rows.slice(0, half), rows.slice(half)].map((part) => [...head, ...part].join("\n"));
+};
+
+await story("two tables of one closure become one recording, and what is missing is named", { words: ["."], prepare: ({ folder }) => {
+  halves(readFileSync(join(process.argv[3], "logger.csv"), "utf8")).forEach((text, i) => writeFileSync(join(folder, `part${i + 1}.csv`), text));
+} }, async ({ folder, page: open, state, shot }) => {
+  const page = await open({ width: 1366, height: 768 });
+  await page.click('[data-key="table part1.csv"]');
+  await page.check('[data-key="with part2.csv"]');
+  await page.waitForFunction(() => document.querySelector("#new-rig-title")?.textContent === "A rig for part1.csv and part2.csv");
+  for (const [key, value] of [["material", "copper"], ["length", "-5"], ["size", "22x1.5"], ["temperature", "18"]]) await page.fill(`[data-key=${key}]`, value);
+  await page.selectOption('#new-rig [data-key="time_unit"]', "ms");
+  await page.waitForFunction(() => /Cannot be taken: length: it must be from/.test(document.querySelector("#new-rig-says").textContent));
+  await page.click("#new-rig-says button.link");
+  assert.equal(await page.evaluate(() => document.activeElement.dataset.key), "length");
+  await page.fill("[data-key=length]", "100");
+  await ready(page);
+  await shot(page, "table-joined");
+  await page.click("#new-rig .primary");
+  await page.waitForFunction(() => document.querySelector("#title").textContent.includes("part1.mcap"));
+  await settled(page);
+  const [run] = (await state()).open.runs;
+  assert(run.to_s > 2.5, `the second half is in the record: it ends at ${run.to_s} s`);
+  assert(readdirSync(folder).includes("rig.toml"));
+});
