@@ -110,7 +110,7 @@ async function looked() {
     const of = table;
     const about = await post("/api/new-rig", { table, further: further(), form: form() });
     if (table !== of) continue;
-    const same = found && found.columns.map((c) => c.name).join("\n") === about.columns.map((c) => c.name).join("\n");
+    const same = found && found.columns.map((c) => c.name).join("\n") === about.columns.map((c) => c.name).join("\n") && String(found.further) === String(about.further);
     found = about;
     if (!same) build();
     show();
