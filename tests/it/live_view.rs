@@ -144,11 +144,14 @@ fn a_reader_that_reads_nothing_from_the_beginning_does_not_hold_up_the_recording
     command.arg("--port").arg(format!("log={}", ttyname(&pty.slave).unwrap().display()));
     let mut program = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(writer).spawn().unwrap();
     let (started, mut master) = (Instant::now(), File::from(pty.master));
+    let mut sent = 0;
     let recorded = (0..).find_map(|index| {
         std::thread::sleep(Duration::from_millis(1));
-        if index < 1000 || index % 100 == 0 {
+        // the device keeps its time, however late this thread wakes
+        while sent < started.elapsed().as_millis().min(1000) {
             // after the duration nobody takes them any more
-            let _ = master.write_all(format!("{},{index}\n", 1000 * index).as_bytes());
+            let _ = master.write_all(format!("{},{sent}\n", 1000 * sent).as_bytes());
+            sent += 1;
         }
         let late = started.elapsed() > Duration::from_secs(30);
         if index % 50 == 0 || late { log::read(&file).map(Some).ok().or(late.then_some(None)) } else { None }
