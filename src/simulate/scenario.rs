@@ -6,6 +6,7 @@ use crate::model::boundary::Closure;
 use crate::model::effects::{CATALOGUE, Chosen, Effect, Site};
 use crate::model::energy::Energy;
 use crate::model::friction::WallFriction;
+use crate::model::line_flows::way_loss_m;
 use crate::model::parameter::Parameter;
 use crate::model::trace::{Probe, Trace};
 use crate::model::{Conditions, Model, ModelError, Resolution, RunValues, Simulated};
@@ -108,13 +109,14 @@ impl Scenario {
             Some(n) if n >= 2.0 && n.fract() == 0.0 && n <= 1e7 => n as usize,
             Some(n) => return Err(format!("reaches = {n} must be a whole number from 2 to 10000000").into()),
         };
+        let reaches = model.fitting_reaches(&shared, reaches);
         let steady = rig.steady.first();
-        let area = rig.pipes[rig.pipes.len() - 1].area_m2();
+        let area = rig.pipe_at_valve().area_m2();
         let steady_velocity = steady.map(|s| s.flow_m3_s / area);
         let velocity = get("initial_velocity_m_s").or(steady_velocity).unwrap_or(VELOCITY_M_S);
         let friction_scale = get("friction_scale").unwrap_or(1.0);
         let supply_head = steady.and_then(|s| s.supply_head_m).unwrap_or(SUPPLY_HEAD_M);
-        let lost = loss_m(&rig, &water, velocity * area) * friction_scale;
+        let lost = way_loss_m(&rig, &water, velocity * area)? * friction_scale;
         let valve_head = match get("valve_head_m") {
             Some(head) => head,
             None if valve != ValveForm::Linear || supply_head - lost > rig.valve.discharge_head_m => supply_head - lost,
@@ -132,8 +134,6 @@ impl Scenario {
             closing_time_s: get("closing_time_s").unwrap_or(rig.valve.closing_time_s),
             friction_scale,
         };
-        let travel: Vec<f64> = rig.pipes.iter().zip(&shared).map(|(p, a)| p.length_m / a).collect();
-        let reaches = crate::model::reaches::fitting_reaches(&travel, reaches);
         Ok(Scenario { water, effects, valve, shared, run, reaches, rig })
     }
 
@@ -168,7 +168,7 @@ impl Scenario {
         };
         let mut used = self.values();
         used.retain(|(name, _)| name != "friction_scale");
-        let flow_m3_s = self.run.initial_velocity_m_s * self.rig.pipes[self.rig.pipes.len() - 1].area_m2();
+        let flow_m3_s = self.run.initial_velocity_m_s * self.rig.pipe_at_valve().area_m2();
         for pipe in &self.rig.pipes {
             let velocity = flow_m3_s / pipe.area_m2();
             let slope = WallFriction::of(pipe, &self.water, flow_m3_s)
@@ -201,7 +201,7 @@ impl Scenario {
     /// # Errors
     /// As [`Model::simulate`].
     pub fn simulate_with(&self, duration_s: f64, energy: bool) -> Result<(Vec<Trace>, Option<Energy>), ModelError> {
-        let probes: Vec<Probe> = self.rig.pressure_sensors().map(|(_, s)| Probe::Head(s.position_m)).collect();
+        let probes: Vec<Probe> = self.rig.pressure_sensors().map(|(_, s)| Probe::head(s.place())).collect();
         let simulated = self.run_model(&probes, duration_s, energy)?;
         let model = self.model();
         let sensors = self.rig.pressure_sensors().zip(simulated.traces);
@@ -290,7 +290,8 @@ fn check_names(model: &Model, water: &WaterProperties, settings: &[(String, f64)
 
 /// The effect of the catalogue that has a parameter of this name, and its least number of elements with it.
 fn owner(name: &str, model: &Model, water: &WaterProperties) -> Option<(&'static dyn Effect, usize)> {
-    let site = Site { rig: model.rig, water, period_s: model.period_s(&starts(model)) };
+    let site =
+        Site { rig: model.rig, water, period_s: model.period_s(&starts(model)), line: model.rig.graph.line_to_valve() };
     let all = CATALOGUE.iter().flat_map(|e| std::iter::once(*e).chain(e.variants().iter().copied()));
     all.filter_map(|effect| {
         let mut elements = effect.elements().unwrap_or(1..=1);
@@ -302,11 +303,4 @@ fn owner(name: &str, model: &Model, water: &WaterProperties) -> Option<(&'static
 
 fn starts(model: &Model) -> Vec<f64> {
     model.shared.iter().map(|p| p.start).collect()
-}
-
-/// Steady loss over all pipes, m.
-fn loss_m(rig: &Rig, water: &WaterProperties, flow_m3_s: f64) -> f64 {
-    let of =
-        |p: &crate::rig::Pipe| WallFriction::of(p, water, flow_m3_s).slope(p.inner_diameter_m, flow_m3_s) * p.length_m;
-    rig.pipes.iter().map(of).sum()
 }

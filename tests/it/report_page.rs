@@ -171,6 +171,7 @@ fn two_stages(samples: usize) -> (Fit, Fit) {
 
 fn rig(name: &str) -> Rig {
     let sensor = |name: &str, position_m: f64| Sensor {
+        line: 0,
         name: name.into(),
         kind: SensorKind::Pressure,
         position_m,
@@ -184,6 +185,7 @@ fn rig(name: &str) -> Rig {
         wiring: None,
     };
     Rig {
+        graph: surgescope_core::rig::Graph::in_series(1),
         name: name.into(),
         fluid: Fluid { name: "water".into(), temperature_degc: 20.0 },
         pipes: vec![Pipe {

@@ -448,7 +448,7 @@ fn follows_too_fast(rig: &Rig, runs: &[RunData], fit: &Fit) -> bool {
     let run = problem.run_values(0, &values);
     let travel_s = model.travel_s(&first.conditions, &values[..model.shared.len()], &run);
     let least_s = rig.length_m() / rig.wave_speed_start(water).2;
-    travel_s.is_ok_and(|travel_s| travel_s.iter().sum::<f64>() < AS_FAST * least_s)
+    travel_s.is_ok_and(|travel_s| travel_s.way_s() < AS_FAST * least_s)
 }
 
 /// Adds to the diagnosis of a missing effect: how well the effect predicts the end of the records, and the test that would

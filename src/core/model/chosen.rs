@@ -2,6 +2,7 @@
 
 use crate::model::effect::Effect;
 use crate::model::error::ModelError;
+use crate::rig::Rig;
 
 /// An effect chosen for a model.
 #[derive(Clone)]
@@ -25,6 +26,11 @@ impl Chosen {
             label += &format!("@{sensor}");
         }
         label
+    }
+
+    /// The line on which it is: that of the pipe it names, else that which ends at the valve.
+    pub fn line(&self, rig: &Rig) -> usize {
+        rig.graph.line_to_valve()
     }
 
     /// Greatest number of elements that it may have; `None` if it has none.

@@ -8,6 +8,7 @@ use crate::model::constraint::{Constraint, Given};
 use crate::model::error::ModelError;
 use crate::model::parameter::Parameter;
 use crate::model::prior::Prior;
+use crate::model::reaches::Travel;
 use crate::model::run::{LEAST_DROP_M, RunValues};
 use crate::model::scene::Site;
 use crate::model::sensor::seen_by;
@@ -42,11 +43,9 @@ pub struct Model<'a> {
 impl<'a> Model<'a> {
     /// The base model of a rig with effects added; `water` and the rig give parameters their starts and bounds.
     pub fn new(rig: &'a Rig, water: &WaterProperties, effects: &[Chosen]) -> Model<'a> {
-        let mut shared = Vec::new();
-        let mut travel_s = 0.0;
+        let mut shared: Vec<Parameter> = Vec::new();
         for pipe in &rig.pipes {
             let (start, lower, upper) = pipe.wave_speed_start(water);
-            travel_s += pipe.length_m / start;
             let name = match rig.pipes.len() {
                 1 => "wave_speed_m_s".to_owned(),
                 _ => format!("wave_speed_m_s[{}]", pipe.name),
@@ -60,7 +59,8 @@ impl<'a> Model<'a> {
                 upper,
             ));
         }
-        let site = Site { rig, water, period_s: 4.0 * travel_s };
+        let travel_s: f64 = rig.way().map(|i| rig.pipes[i].length_m / shared[i].start).sum();
+        let site = Site { rig, water, period_s: 4.0 * travel_s, line: 0 };
         let effects: Vec<Chosen> = effects
             .iter()
             .map(|c| Chosen {
@@ -71,6 +71,7 @@ impl<'a> Model<'a> {
             .collect();
         let mut effect_sizes = Vec::new();
         for chosen in &effects {
+            let site = Site { line: chosen.line(rig), ..site };
             let parameters = chosen.effect.parameters(&site, chosen.elements.unwrap_or(1));
             effect_sizes.push(parameters.len());
             shared.extend(parameters);
@@ -165,20 +166,25 @@ impl<'a> Model<'a> {
 
     /// Theoretical period `4L/a` for shared parameter values, s.
     pub fn period_s(&self, shared: &[f64]) -> f64 {
-        4.0 * self.rig.pipes.iter().zip(shared).map(|(p, a)| p.length_m / a).sum::<f64>()
+        4.0 * self.rig.way().map(|i| self.rig.pipes[i].length_m / shared[i]).sum::<f64>()
     }
 
     /// Fewest reaches for the pipes, with a margin of a fifth for their wave speeds.
     pub fn least_reaches(&self, shared: &[f64]) -> usize {
-        let travel_s: Vec<f64> = self.rig.pipes.iter().zip(shared).map(|(p, a)| p.length_m / a).collect();
-        let margin = if travel_s.len() > 1 { 1.2 } else { 1.0 };
-        (margin * crate::model::reaches::least_reaches(&travel_s) as f64).ceil() as usize
+        let margin = if self.rig.pipes.len() > 1 { 1.2 } else { 1.0 };
+        (margin * self.pipes_travel_s(shared).least_reaches() as f64).ceil() as usize
     }
 
     /// Number of reaches, at least `reaches`, that fits the pipes' joints best.
     pub fn fitting_reaches(&self, shared: &[f64], reaches: usize) -> usize {
-        let travel_s: Vec<f64> = self.rig.pipes.iter().zip(shared).map(|(p, a)| p.length_m / a).collect();
-        crate::model::reaches::fitting_reaches(&travel_s, reaches)
+        self.pipes_travel_s(shared).fitting_reaches(reaches)
+    }
+
+    /// Travel times of a wave through the pipes.
+    pub fn pipes_travel_s(&self, shared: &[f64]) -> Travel {
+        let pipe = |i: usize| self.rig.pipes[i].length_m / shared[i];
+        let lines_s = self.rig.graph.lines.iter().map(|line| line.pipes.clone().map(pipe).collect()).collect();
+        Travel { lines_s, way: self.rig.graph.way.iter().map(|(line, _)| *line).collect() }
     }
 
     /// The reading of a pressure sensor from the head at its place: its own dynamics, then the effects that concern it.

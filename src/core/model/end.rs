@@ -18,7 +18,7 @@ pub(crate) struct End<'a, const DOWNSTREAM: bool> {
     one_plus_kappa: f64,
     by_kappa: f64,
     one_plus_mu: f64,
-    steady_head_m: f64,
+    pub(crate) steady_head_m: f64,
     /// `½R0`, m.
     steady_half_loss_m: f64,
     friction: &'a ReachFriction,

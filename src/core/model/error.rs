@@ -41,6 +41,10 @@ pub enum ModelError {
     Excluded { one: String, other: String, why: &'static str },
     #[error("there is no pressure sensor '{name}'; the rig has {known}")]
     UnknownSensor { name: String, known: String },
+    #[error(
+        "the steady flow before the closure cannot be found: look for pipes without a supply, and for losses and demands out of proportion"
+    )]
+    NoSteadyFlow,
     #[error("an upstream end of kind 'measured' needs the head measured at position 0")]
     NoSupplyHead,
     #[error("the head before the valve needs at least one sample, and times that increase")]

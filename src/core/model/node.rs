@@ -191,6 +191,12 @@ impl Node {
         self.losses.is_empty() && self.shunts.is_empty()
     }
 
+    /// Head that the losses take of a steady flow, and its derivative.
+    pub fn steady_drop_m(&self, flow_m3_s: f64) -> (f64, f64) {
+        let k: f64 = self.losses.iter().map(|l| l.k).sum();
+        (k * flow_m3_s * flow_m3_s.abs(), 2.0 * k * flow_m3_s.abs())
+    }
+
     /// Head that the losses take at a flow, and its derivative.
     fn drop_m(&self, flow_m3_s: f64) -> (f64, f64) {
         self.losses.iter().map(|l| l.drop_m(flow_m3_s)).fold((0.0, 0.0), |sum, d| (sum.0 + d.0, sum.1 + d.1))

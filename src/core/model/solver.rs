@@ -1,10 +1,11 @@
-//! One simulation: steps the line with its ends and joints from the start of the closure.
+//! One simulation: steps the lines with their joints and nodes from the start of the closure.
 
-use crate::model::boundary::{Supply, ValveEnd};
 use crate::model::contribution::{Implicit, LineTerm, NodeField};
 use crate::model::end::End;
 use crate::model::energy::{Balance, Energy, Owners};
 use crate::model::error::ModelError;
+use crate::model::junction::{Ends, Junction};
+use crate::model::late::Late;
 use crate::model::node::{Arriving, Node, Spread};
 use crate::model::state::{Reading, State};
 use crate::model::steady::Steady;
@@ -14,33 +15,23 @@ use crate::model::trace::{Probe, Trace};
 /// Rounds in which elements that meet at a joint learn of each other's flows. A round gains digits: what one takes at once changes the other's head little.
 const SWEEPS: usize = 4;
 
-/// The line with everything on it.
-pub struct Line<'a> {
+/// All lines with everything on them.
+pub struct Lines<'a> {
     /// Steady state, grid and friction.
     pub steady: &'a Steady<'a>,
     /// Terms along the line.
     pub terms: Vec<Box<dyn LineTerm>>,
     /// Takes water out of every node.
     pub field: Option<Box<dyn NodeField>>,
-    /// Upstream end.
-    pub supply: Box<dyn Supply>,
-    /// The joints between segments, one fewer than there are segments.
-    pub joints: Vec<Node>,
+    /// The nodes of the graph.
+    pub junctions: Vec<Junction>,
+    /// Elements behind each segment, then those at the nodes of the graph.
+    pub nodes: Vec<Node>,
     /// Elements over several joints.
     pub spread: Vec<Spread>,
-    /// The node at the pipe's end, before the valve.
-    pub at_valve: Node,
-    /// Downstream end.
-    pub valve: ValveEnd,
 }
 
-/// The two ends of each segment.
-struct Ends<'a> {
-    first: Vec<End<'a, false>>,
-    last: Vec<End<'a, true>>,
-}
-
-/// The characteristics that meet at a joint.
+/// The characteristics that meet at a joint of two segments.
 #[derive(Clone, Copy)]
 struct Meeting {
     left: Arriving,
@@ -49,7 +40,7 @@ struct Meeting {
     by_both: f64,
 }
 
-impl<'a> Line<'a> {
+impl<'a> Lines<'a> {
     /// Simulates `steps` steps and returns the reading of each probe; with `owners` also the energy balance.
     ///
     /// # Errors
@@ -67,7 +58,8 @@ impl<'a> Line<'a> {
         let mut balance = owners.map(|owners| Balance::new(self.steady, owners, &self.terms, &state, steps));
         let readings: Vec<Reading> = probes.iter().map(|&probe| Reading::new(probe, self.steady)).collect();
         let ends = self.ends(&state);
-        let mut meetings = Vec::with_capacity(self.joints.len());
+        let nothing = Arriving { z: 1.0, e: 0.0 };
+        let mut meetings = vec![Meeting { left: nothing, right: nothing, by_both: 0.0 }; grid.segments.len()];
         let mut traces: Vec<Trace> = readings.iter().map(|_| Trace::with_capacity(grid.dt_s, steps + 1)).collect();
         state.read(&mut traces, &readings);
         let heeded = Heeded::by_this_thread();
@@ -76,7 +68,7 @@ impl<'a> Line<'a> {
             let time_s = step as f64 * grid.dt_s;
             self.step(&mut state, &ends, &mut meetings, time_s, sweeps, balance.as_mut());
             state.read(&mut traces, &readings);
-            // At the valve, which all waves reach within L/a; the whole line once, at the end.
+            // At the end of the last line, which all waves reach within L/a; everywhere once, at the end.
             let seen = if step < steps { state.fwd.len() - 1..state.fwd.len() } else { 0..state.fwd.len() };
             if !seen.into_iter().all(|i| state.fwd[i].is_finite() && state.bwd[i].is_finite()) {
                 return Err(self.not_finite(&state, time_s));
@@ -119,6 +111,7 @@ impl<'a> Line<'a> {
             inner_frictions.push(inner);
             implicit.push(total);
         }
+        let late = Late::of(grid, &fwd, &bwd);
         let elastic = self.terms.is_empty() && self.field.is_none() && heads_only;
         State {
             new_fwd: fwd.clone(),
@@ -131,6 +124,7 @@ impl<'a> Line<'a> {
             momentum,
             outflow: vec![0.0; n],
             scratch: vec![0.0; n],
+            late,
             elastic,
             steady_half_loss,
             implicit,
@@ -156,37 +150,36 @@ impl<'a> Line<'a> {
     fn step(
         &mut self,
         state: &mut State,
-        Ends { first, last }: &Ends,
-        meetings: &mut Vec<Meeting>,
+        ends: &Ends,
+        meetings: &mut [Meeting],
         time_s: f64,
         sweeps: usize,
         mut balance: Option<&mut Balance>,
     ) {
-        for (s, segment) in self.steady.grid.segments.iter().enumerate().filter(|(_, segment)| segment.reaches > 1) {
+        let grid = self.steady.grid;
+        let Ends { first, last } = ends;
+        state.pass_late();
+        for (s, segment) in grid.segments.iter().enumerate().filter(|(_, segment)| segment.reaches > 1) {
             match &mut self.field {
                 None => state.interior(s, segment.nodes()),
                 Some(field) => state.interior_with(field.as_mut(), s, segment),
             }
         }
-        // Supply: the first node of the first segment.
-        let reached = first[0].arriving(state);
-        let head = self.supply.head_m(time_s);
-        let flow = (head - reached.e) / reached.z;
-        first[0].leave(state, head, flow);
-        if let Some(balance) = &mut balance {
-            balance.supply(state.h[0], flow);
+        for junction in &mut self.junctions {
+            let node = &mut self.nodes[junction.index];
+            junction.step(node, state, ends, time_s, &mut balance);
         }
         // Joints.
-        meetings.clear();
-        meetings.extend(last.iter().zip(&first[1..]).map(|(before, behind)| {
-            let (left, right) = (before.arriving(state), behind.arriving(state));
-            Meeting { left, right, by_both: 1.0 / (left.z + right.z) }
-        }));
+        for s in grid.joints() {
+            let (left, right) = (last[s].arriving(state), first[s + 1].arriving(state));
+            meetings[s] = Meeting { left, right, by_both: 1.0 / (left.z + right.z) };
+        }
         for _ in 0..sweeps {
             self.find_spread(state, first, meetings);
         }
-        for (s, &Meeting { left, right, by_both }) in meetings.iter().enumerate() {
-            let joint = &mut self.joints[s];
+        for s in grid.joints() {
+            let Meeting { left, right, by_both } = meetings[s];
+            let joint = &mut self.nodes[s];
             if joint.is_plain() {
                 let flow = (left.e - right.e - left.z * joint.taken_m3_s) * by_both;
                 let head = right.e + right.z * flow;
@@ -196,7 +189,7 @@ impl<'a> Line<'a> {
             }
             let solved = joint.find_between(left, right, first[s + 1].head_m(state));
             if let Some(balance) = &mut balance {
-                balance.node(s, joint, &solved);
+                balance.node(s, joint, &solved, [last[s].steady_head_m, first[s + 1].steady_head_m]);
             }
             joint.advance(&solved);
             last[s].leave(state, solved.left_head_m, solved.left_flow_m3_s);
@@ -207,25 +200,6 @@ impl<'a> Line<'a> {
                 balance.spread(one, state);
             }
             one.advance();
-        }
-        // Valve: the last node of the last segment.
-        let s = last.len() - 1;
-        let (reached, outlet) = (last[s].arriving(state), self.valve.at(time_s));
-        if self.at_valve.is_plain() {
-            let flow = outlet.flow_m3_s(reached.z, reached.e);
-            let head = reached.e - reached.z * flow;
-            last[s].leave(state, head, flow);
-            if let Some(balance) = &mut balance {
-                balance.valve(head, flow);
-            }
-        } else {
-            let solved = self.at_valve.find(reached, |h| outlet.flow_at_m3_s(h), last[s].head_m(state));
-            if let Some(balance) = &mut balance {
-                balance.node(s, &self.at_valve, &solved);
-                balance.valve(solved.right_head_m, solved.right_flow_m3_s);
-            }
-            self.at_valve.advance(&solved);
-            last[s].leave(state, solved.left_head_m, solved.left_flow_m3_s);
         }
 
         match balance {
@@ -245,7 +219,7 @@ impl<'a> Line<'a> {
         for one in &mut self.spread {
             let (mut free_m, mut z) = (0.0, 0.0);
             for &(s, weight) in &one.at {
-                let (joint, Meeting { left, right, by_both }) = (&mut self.joints[s], meetings[s]);
+                let (joint, Meeting { left, right, by_both }) = (&mut self.nodes[s], meetings[s]);
                 joint.taken_m3_s -= weight * one.flow_m3_s;
                 let own = left.z * right.z * by_both;
                 let head_m = if joint.is_plain() {
@@ -258,7 +232,7 @@ impl<'a> Line<'a> {
             }
             one.find(free_m, z);
             for &(s, weight) in &one.at {
-                self.joints[s].taken_m3_s += weight * one.flow_m3_s;
+                self.nodes[s].taken_m3_s += weight * one.flow_m3_s;
             }
         }
     }

@@ -6,6 +6,7 @@ use toml::de::{DeTable, DeValue};
 
 use crate::rig::device::Port;
 use crate::rig::error::RigError;
+use crate::rig::graph::Graph;
 use crate::rig::table::Limits;
 use crate::rig::table::{FINITE, NOT_NEGATIVE, POSITIVE, Section, Source, nearest};
 use crate::rig::types::{Constraint, Fluid, Pipe, Rig, SteadyState, Tolerance, Upstream, Valve};
@@ -159,6 +160,7 @@ fn read(source: &Source<'_>) -> Option<Rig> {
     Some(Rig {
         name: name?.value.to_owned(),
         fluid: fluid?,
+        graph: Graph::in_series(pipes.as_ref()?.len()),
         pipes: pipes?,
         upstream: upstream?.value,
         valve: valve?,

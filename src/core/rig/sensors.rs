@@ -95,6 +95,7 @@ fn read_sensor(
     Some(Sensor {
         name: name.value.to_owned(),
         kind: kind?,
+        line: 0,
         position_m: position_m?,
         position_sd_m,
         unit: unit?,

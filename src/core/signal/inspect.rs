@@ -75,7 +75,7 @@ pub(crate) fn inspect_stations(
     let fundamental_hz = period.and_then(|t| fundamental_hz(&reference.trace, free_s, t.value));
 
     let flow_m3_s = levels::flow_m3_s(recording, closure.start_s.min(onset.value));
-    let area = rig.pipes.last().map_or(f64::NAN, |p| p.area_m2());
+    let area = rig.pipe_at_valve().area_m2();
     let steady_velocity_m_s = flow_m3_s
         .map(|q| Estimate { value: q.value / area, standard_error: q.standard_error / area })
         .filter(|v| v.value.is_finite());

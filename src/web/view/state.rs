@@ -166,7 +166,7 @@ fn rig(rig: &Rig) -> Value {
 /// The effects that stand at a place along the pipe, each with the parameter that is its place.
 fn located(rig: &Rig) -> Vec<Value> {
     let water = rig.fluid.properties(rig.fluid.temperature_degc);
-    let site = Site { rig, water: &water, period_s: 2.0 * return_time_s(rig, &water) };
+    let site = Site { rig, water: &water, period_s: 2.0 * return_time_s(rig, &water), line: rig.graph.line_to_valve() };
     let of = |effect: &&'static dyn Effect| {
         let parameters = effect.parameters(&site, 1);
         let place = |ending: &str| parameters.iter().find(|p| p.name.ends_with(ending)).map(|p| p.name.clone());

@@ -1,0 +1,189 @@
+//! The steady flow in a network: continuity at every node, and the loss of head along every link.
+//!
+//! Links that hang on one other link alone carry what is drawn behind them. What is left, the loops and what lies between heads that are held, is solved by
+//! the global gradient algorithm (Todini & Pilati 1988, in Computer Applications in Water Supply 1, 1-20; as in EPANET 2): Newton's method on flows and
+//! heads at once, of which each step is one symmetric system for the heads.
+
+use crate::model::error::ModelError;
+use crate::model::sparse::Symmetric;
+
+/// What is to be solved.
+pub(crate) struct Network<'a> {
+    /// Nodes at the beginning and at the end of each link.
+    pub links: &'a [(usize, usize)],
+    /// Head at each node that holds one, m.
+    pub held_m: &'a [Option<f64>],
+    /// Flow drawn from each node, m³/s.
+    pub drawn_m3_s: &'a [f64],
+    /// Flow drawn along each link, m³/s.
+    pub taken_m3_s: &'a [f64],
+    /// A flow of the size that is usual in each link, m³/s.
+    pub usual_m3_s: &'a [f64],
+}
+
+const MOST_STEPS: usize = 200;
+/// Change of all flows, as a share of them, at which they are found, and at which they are still taken for found.
+const FOUND: f64 = 1e-14;
+const NEAR: f64 = 1e-9;
+/// Least slope of a link's loss, as a share of that at its usual flow: at rest a quadratic law has none.
+const LEAST_SLOPE: f64 = 1e-9;
+
+impl Network<'_> {
+    /// Flow at the end of each link, m³/s; `loss(link, flow)` is the head that a link takes, m, and its slope.
+    ///
+    /// # Errors
+    /// [`ModelError::NoSteadyFlow`] if the iteration does not end.
+    pub(crate) fn flows(&self, loss: impl Fn(usize, f64) -> (f64, f64)) -> Result<Vec<f64>, ModelError> {
+        let mut flows = vec![f64::NAN; self.links.len()];
+        let mut drawn = self.drawn_m3_s.to_vec();
+        let core = self.prune(&mut flows, &mut drawn);
+        if core.is_empty() {
+            return Ok(flows);
+        }
+        // Nodes of the core that hold no head.
+        let mut number = vec![usize::MAX; self.held_m.len()];
+        let mut free = Vec::new();
+        for node in core.iter().flat_map(|&k| [self.links[k].0, self.links[k].1]) {
+            if self.held_m[node].is_none() && number[node] == usize::MAX {
+                number[node] = free.len();
+                free.push(node);
+            }
+        }
+        let inner: Vec<usize> = (0..core.len())
+            .filter(|&i| {
+                let (a, b) = self.links[core[i]];
+                self.held_m[a].is_none() && self.held_m[b].is_none()
+            })
+            .collect();
+        let edges: Vec<(usize, usize)> =
+            inner.iter().map(|&i| (number[self.links[core[i]].0], number[self.links[core[i]].1])).collect();
+        let system = Symmetric::new(free.len(), &edges);
+        let mut q: Vec<f64> = core.iter().map(|&k| self.usual_m3_s[k]).collect();
+        let least: Vec<f64> = core.iter().zip(&q).map(|(&k, &q)| LEAST_SLOPE * loss(k, q).1.abs()).collect();
+        let (mut best, mut since) = (f64::INFINITY, 0);
+        for _ in 0..MOST_STEPS {
+            let mut diagonal = vec![0.0; free.len()];
+            let mut heads: Vec<f64> = free.iter().map(|&node| -drawn[node]).collect();
+            // Flow in a link: c + p (H_from - H_to).
+            let mut lines = Vec::with_capacity(core.len());
+            for ((&k, &q), &least) in core.iter().zip(&q).zip(&least) {
+                let (drop_m, slope) = loss(k, q);
+                let p = 1.0 / slope.max(least);
+                let c = q - p * drop_m;
+                let (a, b) = self.links[k];
+                for (node, other, c) in [(a, b, -(c + self.taken_m3_s[k])), (b, a, c)] {
+                    if let (None, i) = (self.held_m[node], number[node]) {
+                        diagonal[i] += p;
+                        heads[i] += c + self.held_m[other].map_or(0.0, |held| p * held);
+                    }
+                }
+                lines.push((c, p));
+            }
+            let off: Vec<f64> = inner.iter().map(|&i| -lines[i].1).collect();
+            system.solve(&diagonal, &off, &mut heads);
+            let head = |node: usize| self.held_m[node].unwrap_or_else(|| heads[number[node]]);
+            let (mut moved, mut whole) = (0.0, f64::MIN_POSITIVE);
+            for ((&k, q), (c, p)) in core.iter().zip(&mut q).zip(lines) {
+                let next = c + p * (head(self.links[k].0) - head(self.links[k].1));
+                moved += (next - *q).abs();
+                whole += next.abs();
+                *q = next;
+            }
+            let change: f64 = moved / whole;
+            if !change.is_finite() {
+                return Err(ModelError::NoSteadyFlow);
+            }
+            (best, since) = if change < best { (change, 0) } else { (best, since + 1) };
+            // Rounding ends the iteration where the smallest change does not.
+            if change <= FOUND || (best <= NEAR && since >= 3) {
+                break;
+            }
+        }
+        if best > NEAR {
+            return Err(ModelError::NoSteadyFlow);
+        }
+        core.iter().zip(q).for_each(|(&k, q)| flows[k] = q);
+        Ok(flows)
+    }
+
+    /// Finds the flows in links at the end of which nothing but what is drawn there leaves, over and over; returns the rest.
+    fn prune(&self, flows: &mut [f64], drawn: &mut [f64]) -> Vec<usize> {
+        let mut at_node = vec![Vec::new(); self.held_m.len()];
+        for (k, &(a, b)) in self.links.iter().enumerate() {
+            at_node[a].push(k);
+            at_node[b].push(k);
+        }
+        let mut degree: Vec<usize> = at_node.iter().map(Vec::len).collect();
+        // With a single head that is held, nothing depends on it, and its links are pruned from the other side alone.
+        let mut open: Vec<usize> =
+            (0..degree.len()).filter(|&node| degree[node] == 1 && self.held_m[node].is_none()).collect();
+        while let Some(node) = open.pop() {
+            let Some(&k) = at_node[node].iter().find(|&&k| flows[k].is_nan()) else { continue };
+            let (a, b) = self.links[k];
+            let other = a + b - node;
+            if node == b {
+                flows[k] = drawn[b];
+                drawn[a] += flows[k] + self.taken_m3_s[k];
+            } else {
+                flows[k] = -drawn[a] - self.taken_m3_s[k];
+                drawn[b] -= flows[k];
+            }
+            degree[other] -= 1;
+            if degree[other] == 1 && self.held_m[other].is_none() {
+                open.push(other);
+            }
+        }
+        (0..self.links.len()).filter(|&k| flows[k].is_nan()).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two pipes side by side share a flow as the roots of their losses do; a tree behind them carries what is drawn.
+    #[test]
+    fn a_loop_shares_its_flow_and_a_tree_carries_what_is_drawn() {
+        let links = [(0, 1), (0, 1), (1, 2), (3, 1)];
+        let network = Network {
+            links: &links,
+            held_m: &[Some(50.0), None, None, None],
+            drawn_m3_s: &[0.0, 0.1, 0.5, 0.2],
+            taken_m3_s: &[0.0, 0.0, 0.01, 0.0],
+            usual_m3_s: &[0.3; 4],
+        };
+        let r = [1.0, 4.0, 1.0, 1.0];
+        let flows = network.flows(|k, q| (r[k] * q * q.abs(), 2.0 * r[k] * q.abs())).unwrap();
+        assert_eq!(flows[2..], [0.5, -0.2]);
+        assert!((flows[0] + flows[1] - 0.81).abs() < 1e-14 && (flows[0] / flows[1] - 2.0).abs() < 1e-12, "{flows:?}");
+    }
+
+    /// Three reservoirs: the textbook's branching pipes, by the head at their junction.
+    #[test]
+    fn three_reservoirs_meet_at_the_junction_of_zero_sum() {
+        let held = [Some(120.0), Some(100.0), Some(80.0), None];
+        let network = Network {
+            links: &[(0, 3), (1, 3), (2, 3)],
+            held_m: &held,
+            drawn_m3_s: &[0.0; 4],
+            taken_m3_s: &[0.0; 3],
+            usual_m3_s: &[0.1; 3],
+        };
+        let r = [160.0, 400.0, 900.0];
+        let flows = network.flows(|k, q| (r[k] * q * q.abs(), 2.0 * r[k] * q.abs())).unwrap();
+        let into = |head: f64| {
+            let of = |k: usize| held[k].map_or(0.0, |h: f64| (h - head).signum() * ((h - head).abs() / r[k]).sqrt());
+            of(0) + of(1) + of(2)
+        };
+        let (mut low, mut high) = (80.0, 120.0);
+        for _ in 0..100 {
+            let middle = 0.5 * (low + high);
+            if into(middle) > 0.0 { low = middle } else { high = middle }
+        }
+        assert!(flows.iter().sum::<f64>().abs() < 1e-13, "{flows:?}");
+        for k in 0..3 {
+            let head = held[k].unwrap() - r[k] * flows[k] * flows[k].abs();
+            assert!((head - low).abs() < 1e-9, "{head} {low}");
+        }
+    }
+}
