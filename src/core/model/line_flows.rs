@@ -1,32 +1,104 @@
-//! The flow in every line before the closure, from the pipes alone: it decides each pipe's law of friction before there is a grid.
+//! A rig's lines and what its nodes let pass, as links between heads; and the flow in every line before the closure, from the pipes alone: it decides
+//! each pipe's law of friction before there is a grid.
 
 use crate::model::error::ModelError;
 use crate::model::friction::WallFriction;
 use crate::model::network::Network;
-use crate::rig::{Graph, NodeKind, Pipe, Regime, Rig, WaterProperties};
+use crate::model::passage::steady_loss;
+use crate::rig::{Graph, NodeKind, Pipe, Regime, Rig, WaterProperties, at_time};
 
 /// Reynolds numbers between which a flow goes over from one law to the other: with a jump, a loop might have no solution.
 const TRANSITION: std::ops::Range<f64> = 2000.0..4000.0;
 /// Velocity from which the iteration starts, m/s.
 const USUAL_M_S: f64 = 0.3;
 
-/// Head at each node that holds one, as the rig file has it, m.
-pub(crate) fn held_m(graph: &Graph) -> Vec<Option<f64>> {
-    let of = |kind: &NodeKind| match kind {
-        NodeKind::Reservoir { head_m } => Some(head_m.unwrap_or(0.0)),
-        _ => None,
-    };
-    graph.nodes.iter().map(|node| of(&node.kind)).collect()
+/// Links between heads. The first heads are those of the graph's nodes, before what is there; then come those behind nodes that are passed.
+pub(crate) struct System<'a> {
+    pub graph: &'a Graph,
+    /// Heads at the beginning and at the end of each link: the lines, then the nodes that are passed.
+    pub links: Vec<(usize, usize)>,
+    /// The node that each link after the lines is.
+    pub passed: Vec<usize>,
+    /// The head behind each node that is passed.
+    pub behind: Vec<Option<usize>>,
+    /// Heads that are held, as the rig file has them, m.
+    pub held_m: Vec<Option<f64>>,
+    /// Flow drawn at each head, m³/s.
+    pub drawn_m3_s: Vec<f64>,
+    /// A flow of the size that is usual in each link, m³/s.
+    pub usual_m3_s: Vec<f64>,
 }
 
-/// Flow drawn from each node while the valve passes `valve_m3_s`, m³/s.
-pub(crate) fn drawn_m3_s(graph: &Graph, valve_m3_s: f64) -> Vec<f64> {
-    let of = |kind: &NodeKind| match kind {
-        NodeKind::Valve => valve_m3_s,
-        NodeKind::Junction { demand_m3_s } => *demand_m3_s,
-        NodeKind::Reservoir { .. } => 0.0,
-    };
-    graph.nodes.iter().map(|node| of(&node.kind)).collect()
+impl<'a> System<'a> {
+    /// Of a rig while its valve passes `valve_m3_s`.
+    pub(crate) fn new(rig: &'a Rig, valve_m3_s: f64) -> System<'a> {
+        let graph = &rig.graph;
+        let count = graph.nodes.len();
+        let mut begins = vec![false; count];
+        graph.lines.iter().for_each(|line| begins[line.from] = true);
+        let (mut held_m, mut drawn_m3_s) = (vec![None; count], vec![0.0; count]);
+        let (mut behind, mut passed) = (vec![None; count], Vec::new());
+        for (n, node) in graph.nodes.iter().enumerate() {
+            if node.kind.is_passed() && (begins[n] || matches!(node.kind, NodeKind::Opening(_))) {
+                behind[n] = Some(held_m.len());
+                held_m.push(None);
+                drawn_m3_s.push(0.0);
+            }
+            match &node.kind {
+                NodeKind::Junction { demand_m3_s } => drawn_m3_s[n] = *demand_m3_s,
+                NodeKind::Reservoir { head_m } => held_m[n] = Some(head_m.unwrap_or(0.0)),
+                NodeKind::Tank { head_m, .. } => held_m[n] = Some(*head_m),
+                NodeKind::Valve => {
+                    drawn_m3_s[n] = valve_m3_s;
+                    behind[n].iter().for_each(|&b| drawn_m3_s[b] = -valve_m3_s);
+                }
+                NodeKind::Opening(opening) => {
+                    behind[n].iter().for_each(|&b| held_m[b] = opening.discharge_head_m);
+                    passed.extend((at_time(&opening.opening, 0.0) > 0.0).then_some(n));
+                }
+                NodeKind::CheckValve => passed.push(n),
+                NodeKind::Pump(pump) => {
+                    held_m[n] = pump.suction_head_m;
+                    passed.push(n);
+                }
+            }
+        }
+        let line = |line: &crate::rig::Line| (behind[line.from].unwrap_or(line.from), line.to);
+        let mut links: Vec<(usize, usize)> = graph.lines.iter().map(line).collect();
+        links.extend(passed.iter().filter_map(|&n| Some((n, behind[n]?))));
+        let mut near_m2 = vec![0.0; count];
+        for (k, line) in graph.lines.iter().enumerate() {
+            (near_m2[line.from], near_m2[line.to]) = (rig.pipes_of(k)[0].area_m2(), rig.pipes_of(k)[0].area_m2());
+        }
+        let of_lines = (0..graph.lines.len()).map(|k| USUAL_M_S * rig.pipes_of(k)[0].area_m2());
+        let usual_m3_s = of_lines.chain(passed.iter().map(|&n| USUAL_M_S * near_m2[n])).collect();
+        System { graph, links, passed, behind, held_m, drawn_m3_s, usual_m3_s }
+    }
+
+    /// Flow at the end of each link, from the flow drawn along each line and the head that a line takes.
+    ///
+    /// # Errors
+    /// [`ModelError::NoSteadyFlow`].
+    pub(crate) fn flows(
+        &self,
+        taken_m3_s: &[f64],
+        line_loss: impl Fn(usize, f64) -> (f64, f64),
+    ) -> Result<Vec<f64>, ModelError> {
+        let lines = self.graph.lines.len();
+        let network = Network {
+            links: &self.links,
+            held_m: &self.held_m,
+            drawn_m3_s: &self.drawn_m3_s,
+            taken_m3_s,
+            usual_m3_s: &self.usual_m3_s,
+        };
+        network.flows(|k, q| if k < lines { line_loss(k, q) } else { self.loss(k, q) })
+    }
+
+    /// Head that a link after the lines takes, m, and its slope.
+    pub(crate) fn loss(&self, link: usize, flow_m3_s: f64) -> (f64, f64) {
+        steady_loss(&self.graph.nodes[self.passed[link - self.graph.lines.len()]].kind, flow_m3_s)
+    }
 }
 
 /// Flow in every line from its beginning to its end while the valve passes `valve_m3_s`, m³/s.
@@ -34,21 +106,14 @@ pub(crate) fn drawn_m3_s(graph: &Graph, valve_m3_s: f64) -> Vec<f64> {
 /// # Errors
 /// [`ModelError::NoSteadyFlow`].
 pub fn line_flows(rig: &Rig, water: &WaterProperties, valve_m3_s: f64, scale: f64) -> Result<Vec<f64>, ModelError> {
-    let graph = &rig.graph;
-    let links: Vec<(usize, usize)> = graph.lines.iter().map(|line| (line.from, line.to)).collect();
-    let usual: Vec<f64> = (0..links.len()).map(|k| USUAL_M_S * rig.pipes_of(k)[0].area_m2()).collect();
-    let network = Network {
-        links: &links,
-        held_m: &held_m(graph),
-        drawn_m3_s: &drawn_m3_s(graph, valve_m3_s),
-        taken_m3_s: &vec![0.0; links.len()],
-        usual_m3_s: &usual,
-    };
-    network.flows(|k, q| {
+    let system = System::new(rig, valve_m3_s);
+    let mut flows = system.flows(&vec![0.0; system.links.len()], |k, q| {
         let loss = |q: f64| rig.pipes_of(k).iter().map(|p| loss_m(p, water, q)).sum::<f64>() * scale;
-        let (here, step) = (loss(q), 1e-6 * q.abs().max(1e-6 * usual[k]));
+        let (here, step) = (loss(q), 1e-6 * q.abs().max(1e-6 * system.usual_m3_s[k]));
         (here, (loss(q + step) - here) / step)
-    })
+    })?;
+    flows.truncate(rig.graph.lines.len());
+    Ok(flows)
 }
 
 /// Head that friction takes from the supply to the valve while the valve passes `valve_m3_s`, m.

@@ -155,6 +155,14 @@ pub struct Arriving {
     pub e: f64,
 }
 
+impl Arriving {
+    /// What it brings into a node of this head, m³/s.
+    #[inline]
+    pub fn inflow_m3_s(self, head_m: f64) -> f64 {
+        (self.e - head_m) / self.z
+    }
+}
+
 /// Head and flow on both sides of a node.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Solved {

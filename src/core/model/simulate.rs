@@ -8,8 +8,9 @@ use crate::model::energy::Owners;
 use crate::model::error::ModelError;
 use crate::model::friction::{ReachFriction, WallFriction};
 use crate::model::grid::{Grid, Stretch};
-use crate::model::junction::{Junction, Law};
-use crate::model::line_flows::{drawn_m3_s, held_m, line_flows};
+use crate::model::junction::Junction;
+use crate::model::laws::Laws;
+use crate::model::line_flows::{System, line_flows};
 use crate::model::memory::Need;
 use crate::model::reaches::Travel;
 use crate::model::run::{Conditions, Resolution, RunValues, Simulated};
@@ -17,7 +18,7 @@ use crate::model::scene::Scene;
 use crate::model::solver::Lines;
 use crate::model::steady::{Found, Given, Steady};
 use crate::model::trace::Probe;
-use crate::rig::{NodeKind, Place, Regime, Upstream};
+use crate::rig::{Place, Regime, Upstream};
 
 /// Share of the impedance that friction over one reach may take (see [`NodeFriction`](crate::model::friction::NodeFriction)).
 const MOST_FRICTION_SHARE: f64 = 0.02;
@@ -131,17 +132,9 @@ impl Model<'_> {
         };
         let Attached { grid, mut nodes, mut spread, owners } = attach(self, grid, shared, &scene)?;
         let frictions = reach_frictions(&grid, resolution.reaches, &line_m3_s, flow_m3_s)?;
-        let drawn_m3_s = drawn_m3_s(graph, flow_m3_s);
-        let before = Given {
-            grid: &grid,
-            graph,
-            frictions: &frictions,
-            held_m: &held_m(graph),
-            drawn_m3_s: &drawn_m3_s,
-            line_m3_s: &line_m3_s,
-            valve_head_m: run.valve_head_m,
-        };
-        let Found { head_m, flow_m3_s: flows, at_node_m } = before.settle(&mut nodes, &mut spread)?;
+        let system = System::new(self.rig, flow_m3_s);
+        let before = Given { grid: &grid, system: &system, frictions: &frictions, valve_head_m: run.valve_head_m };
+        let Found { head_m, flow_m3_s: flows, at_m, link_m3_s } = before.settle(&mut nodes, &mut spread)?;
         let starts = grid.segments.iter().map(|s| Place { line: s.line, position_m: s.start_m }).collect();
         let steady = Steady {
             grid: &grid,
@@ -155,7 +148,7 @@ impl Model<'_> {
         let accounts = self.effects.iter().map(|c| c.effect.name().to_owned()).collect();
         let mut owners = Owners { accounts, nodes: owners, ..Owners::default() };
         let mut field = None;
-        let mut supply = self.base_supply(conditions, at_node_m[graph.supply()])?;
+        let mut supply = self.base_supply(conditions, at_m[graph.supply()])?;
         let discharge_head_m = self.rig.valve.discharge_head_m;
         let (given_head, given_law) = match given {
             GivenEnd::Nothing => (None, None),
@@ -164,7 +157,8 @@ impl Model<'_> {
         };
         let mut valve = ValveEnd {
             flow_m3_s,
-            drop_m: run.valve_head_m - discharge_head_m,
+            // Into lines that follow, by their head.
+            drop_m: run.valve_head_m - system.behind[graph.valve].map_or(discharge_head_m, |behind| at_m[behind]),
             discharge_head_m,
             closure: (self.closure)(run.closing_time_s),
             law: None,
@@ -184,22 +178,23 @@ impl Model<'_> {
         if given_law.is_some() {
             valve.law = given_law;
         }
-        let (mut supply, mut valve) = (Some(supply), Some(valve));
+        let mut laws = Laws {
+            system: &system,
+            at_m: &at_m,
+            link_m3_s: &link_m3_s,
+            dt_s: grid.dt_s,
+            density_kg_m3: conditions.water.density_kg_m3,
+            supply: Some(supply),
+            valve: Some(valve),
+        };
         let junctions = grid.ends_at(graph).into_iter().enumerate().map(|(n, [last, first])| {
-            let steady_head_m = at_node_m[n];
-            let law = match graph.nodes[n].kind {
-                NodeKind::Valve => valve.take().map_or(Law::Plain, Law::Valve),
-                NodeKind::Reservoir { .. } => {
-                    let own = if n == graph.supply() { supply.take() } else { None };
-                    Law::Supply(own.unwrap_or_else(|| Box::new(ConstantHead(steady_head_m))))
-                }
-                NodeKind::Junction { demand_m3_s } => {
-                    nodes[grid.segments.len() + n].taken_m3_s = demand_m3_s;
-                    Law::Plain
-                }
-            };
-            let (index, arrived) = (grid.segments.len() + n, Vec::with_capacity(last.len() + first.len()));
-            Junction { last, first, law, index, steady_head_m, arrived }
+            let index = grid.segments.len() + n;
+            nodes[index].taken_m3_s = laws.demand_m3_s(n);
+            let steady_m = [at_m[n], system.behind[n].map_or(at_m[n], |behind| at_m[behind])];
+            let sum = |of: &[usize]| of.iter().map(|&s| flows[s]).sum::<f64>();
+            let inflow_m3_s = sum(&last) - sum(&first);
+            let arrived = Vec::with_capacity(last.len() + first.len());
+            Junction { law: laws.of(n, inflow_m3_s), last, first, index, steady_m, arrived }
         });
         let junctions = junctions.collect();
         let lines = Lines { steady: &steady, terms, field, junctions, nodes, spread };

@@ -167,7 +167,7 @@ impl<'a> Lines<'a> {
         }
         for junction in &mut self.junctions {
             let node = &mut self.nodes[junction.index];
-            junction.step(node, state, ends, time_s, &mut balance);
+            junction.step(node, state, ends, (time_s, grid.dt_s), &mut balance);
         }
         // Joints.
         for s in grid.joints() {

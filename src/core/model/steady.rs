@@ -1,11 +1,12 @@
 //! The steady state before the closure.
 
+use std::collections::VecDeque;
+
 use crate::model::error::ModelError;
 use crate::model::friction::ReachFriction;
 use crate::model::grid::Grid;
-use crate::model::network::Network;
+use crate::model::line_flows::System;
 use crate::model::node::{Node, Spread};
-use crate::rig::Graph;
 
 /// The steady state before the closure.
 pub struct Steady<'a> {
@@ -26,17 +27,14 @@ pub struct Steady<'a> {
 /// Most passes until elements that are spread over several nodes agree with the heads that their flows lead to. A pass gains digits.
 const MOST_PASSES: usize = 50;
 
+/// A flow below this does not pass a check valve, m³/s: rounding.
+const SHUT_M3_S: f64 = 1e-9;
+
 /// The lines on their grid, with what is given of the steady state.
 pub(crate) struct Given<'a> {
     pub grid: &'a Grid,
-    pub graph: &'a Graph,
+    pub system: &'a System<'a>,
     pub frictions: &'a [ReachFriction],
-    /// Head at each node of the graph that holds one, up to a common constant, m.
-    pub held_m: &'a [Option<f64>],
-    /// Flow drawn from each node of the graph, m³/s.
-    pub drawn_m3_s: &'a [f64],
-    /// Flow in each line without elements, m³/s.
-    pub line_m3_s: &'a [f64],
     /// Head before the valve, m.
     pub valve_head_m: f64,
 }
@@ -47,8 +45,10 @@ pub(crate) struct Found {
     pub head_m: Vec<f64>,
     /// Flow in each segment, m³/s.
     pub flow_m3_s: Vec<f64>,
-    /// Head at each node of the graph, m.
-    pub at_node_m: Vec<f64>,
+    /// Each head of the system, m.
+    pub at_m: Vec<f64>,
+    /// Flow in each of its links, m³/s.
+    pub link_m3_s: Vec<f64>,
 }
 
 impl Given<'_> {
@@ -58,7 +58,7 @@ impl Given<'_> {
     /// If the flows of a network are not found.
     pub(crate) fn settle(&self, nodes: &mut [Node], spread: &mut [Spread]) -> Result<Found, ModelError> {
         let mut found = self.pass(nodes)?;
-        let whole_m3_s: f64 = self.drawn_m3_s.iter().map(|q| q.abs()).sum();
+        let whole_m3_s: f64 = self.system.drawn_m3_s.iter().map(|q| q.abs()).sum();
         for _ in 0..MOST_PASSES {
             let mut moved: f64 = 0.0;
             for one in spread.iter_mut() {
@@ -76,43 +76,75 @@ impl Given<'_> {
         Ok(found)
     }
 
-    /// Flows, then heads from the valve on.
+    /// Flows, then heads.
     fn pass(&self, nodes: &mut [Node]) -> Result<Found, ModelError> {
-        let (grid, graph) = (self.grid, self.graph);
-        let links: Vec<(usize, usize)> = graph.lines.iter().map(|line| (line.from, line.to)).collect();
+        let (grid, system) = (self.grid, self.system);
         let joints = |line: usize| grid.lines[line].start..grid.lines[line].end - 1;
-        let taken: Vec<f64> = (0..links.len()).map(|k| joints(k).rev().map(|s| nodes[s].taken_m3_s).sum()).collect();
-        let network = Network {
-            links: &links,
-            held_m: self.held_m,
-            drawn_m3_s: self.drawn_m3_s,
-            taken_m3_s: &taken,
-            usual_m3_s: self.line_m3_s,
-        };
-        let flows = network.flows(|k, q| self.loss(k, q, nodes))?;
+        let mut taken: Vec<f64> =
+            (0..grid.lines.len()).map(|k| joints(k).rev().map(|s| nodes[s].taken_m3_s).sum()).collect();
+        taken.resize(system.links.len(), 0.0);
         let mut found = Found {
             head_m: vec![self.valve_head_m; grid.nodes()],
             flow_m3_s: vec![0.0; grid.segments.len()],
-            at_node_m: vec![f64::NAN; graph.nodes.len()],
+            at_m: vec![f64::NAN; system.held_m.len()],
+            link_m3_s: system.flows(&taken, |k, q| self.loss(k, q, nodes))?,
         };
-        found.at_node_m[graph.valve] = self.valve_head_m;
-        for (k, from_end) in graph.from_valve() {
-            let line = &graph.lines[k];
-            let end_m = if from_end {
-                found.at_node_m[line.to]
-            } else {
-                found.at_node_m[line.from] - self.loss(k, flows[k], nodes).0
-            };
-            let start_m = self.line(k, end_m, flows[k], nodes, &mut found);
-            for (node, head_m) in [(line.to, end_m), (line.from, start_m)] {
-                if found.at_node_m[node].is_nan() {
-                    found.at_node_m[node] = head_m;
+        self.heads(nodes, &mut found);
+        let elements = nodes[grid.segments.len()..].iter_mut().zip(&found.at_m);
+        elements.filter(|(_, head_m)| head_m.is_finite()).for_each(|(node, &head_m)| _ = node.settle(head_m, 0.0));
+        Ok(found)
+    }
+
+    /// Heads from the valve on. What it does not reach, because nothing flows between, has the level of a supply of its own, on the datum that the
+    /// valve's head gives the others.
+    fn heads(&self, nodes: &mut [Node], found: &mut Found) {
+        let system = self.system;
+        let lines = self.grid.lines.len();
+        let mut near = vec![Vec::new(); system.held_m.len()];
+        for (k, &(a, b)) in system.links.iter().enumerate() {
+            near[a].push(k);
+            near[b].push(k);
+        }
+        let mut done = vec![false; system.links.len()];
+        let mut datum_m = None;
+        let valve = system.graph.valve;
+        let mut open = VecDeque::from([(valve, self.valve_head_m)]);
+        loop {
+            while let Some((at, head_m)) = open.pop_front() {
+                if !found.at_m[at].is_nan() {
+                    continue;
+                }
+                found.at_m[at] = head_m;
+                datum_m = datum_m.or(system.held_m[at].map(|held_m| head_m - held_m));
+                for &k in &near[at] {
+                    let ((a, b), q) = (system.links[k], found.link_m3_s[k]);
+                    if done[k] || (k >= lines && q.abs() < SHUT_M3_S) {
+                        continue;
+                    }
+                    done[k] = true;
+                    let loss_m = |this: &Self| if k < lines { this.loss(k, q, nodes).0 } else { system.loss(k, q).0 };
+                    let end_m = if at == b { head_m } else { head_m - loss_m(self) };
+                    let start_m =
+                        if k < lines { self.line(k, end_m, q, nodes, found) } else { end_m + system.loss(k, q).0 };
+                    open.extend([(a, start_m), (b, end_m)].into_iter().filter(|(n, _)| found.at_m[*n].is_nan()));
                 }
             }
+            let unseen = |n: &usize| found.at_m[*n].is_nan();
+            let level = |n: usize| Some((n, system.held_m[n]? + datum_m.unwrap_or(0.0)));
+            // Behind a shut valve without a supply, the head is that before it.
+            let shut = || {
+                let mut passed = system.links[lines..].iter();
+                passed.find_map(|&(a, b)| match (found.at_m[a], found.at_m[b]) {
+                    (head_m, other) if other.is_nan() && !head_m.is_nan() => Some((b, head_m)),
+                    (other, head_m) if other.is_nan() && !head_m.is_nan() => Some((a, head_m)),
+                    _ => None,
+                })
+            };
+            match (0..found.at_m.len()).filter(unseen).find_map(level).or_else(shut) {
+                Some(next) => open.push_back(next),
+                None => break,
+            }
         }
-        let elements = &mut nodes[grid.segments.len()..];
-        elements.iter_mut().zip(&found.at_node_m).for_each(|(node, &head_m)| _ = node.settle(head_m, 0.0));
-        Ok(found)
     }
 
     /// Heads and flows of a line from its end back to its beginning; returns the head there.

@@ -39,23 +39,131 @@ pub struct Node {
     pub name: String,
     /// What is there.
     pub kind: NodeKind,
+    /// Where it is drawn, in any unit to the right and up; none where a drawing may choose.
+    pub at: Option<[f64; 2]>,
 }
 
 /// What is at a node.
 #[derive(Debug, Clone, PartialEq)]
 pub enum NodeKind {
-    /// Pipes meet, and a constant flow may be drawn off.
+    /// Pipes meet, or one ends; a constant flow may be drawn off.
     Junction {
         /// Flow drawn off, m³/s.
         demand_m3_s: f64,
     },
     /// What feeds the pipes, at a constant head unless an effect says otherwise.
     Reservoir {
-        /// Its level against that of other reservoirs, m.
+        /// Its level, m; none where the rig has no other level to compare with.
         head_m: Option<f64>,
+    },
+    /// An open tank, whose level changes with what flows into it.
+    Tank {
+        /// Its level before the closure, m.
+        head_m: f64,
+        /// Area of its surface, m².
+        area_m2: f64,
     },
     /// The valve that closes; the rig has its data.
     Valve,
+    /// Another valve.
+    Opening(Opening),
+    /// A valve that lets no water back.
+    CheckValve,
+    /// A pump. It lets no water back.
+    Pump(Pump),
+}
+
+/// A valve with an opening of its own: an orifice `Q = opening · CdA · √(2g ΔH)`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Opening {
+    /// Its area times its discharge coefficient where it is open, m².
+    pub cda_m2: f64,
+    /// Times after the start of the closure, s, and its relative opening: linear between them, constant beyond.
+    pub opening: Vec<(f64, f64)>,
+    /// Head behind it, m; none where a pipe follows.
+    pub discharge_head_m: Option<f64>,
+}
+
+/// A pump at its speed before the closure.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Pump {
+    /// Its curve.
+    pub curve: PumpCurve,
+    /// Level of the water that it takes, m; none where a pipe leads to it.
+    pub suction_head_m: Option<f64>,
+    /// How its speed changes.
+    pub drive: Drive,
+}
+
+/// Head of a pump at its speed before the closure: `H = shutoff - fall · Q^power`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PumpCurve {
+    /// Head without flow, m.
+    pub shutoff_m: f64,
+    /// Its fall, m per (m³/s)^power.
+    pub fall: f64,
+    /// Power of the flow.
+    pub power: f64,
+}
+
+/// What drives a pump.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Drive {
+    /// Times after the start of the closure, s, and its relative speed: linear between them, constant beyond.
+    Speed(Vec<(f64, f64)>),
+    /// Its motor loses power, and it runs down against the water's torque.
+    Trip {
+        /// When, s after the start of the closure.
+        at_s: f64,
+        /// Moment of inertia of all that turns, kg m².
+        inertia_kg_m2: f64,
+        /// Speed before, rad/s.
+        speed_rad_s: f64,
+        /// Efficiency, a share.
+        efficiency: f64,
+    },
+}
+
+impl PumpCurve {
+    /// Through one point `(m³/s, m)`, with the shutoff head and the greatest flow that EPANET gives it, or through three, the first without flow.
+    pub fn through(points: &[(f64, f64)]) -> Option<PumpCurve> {
+        let curve = match *points {
+            [(q, h)] => PumpCurve { shutoff_m: 4.0 / 3.0 * h, fall: h / 3.0 / (q * q), power: 2.0 },
+            [(0.0, h0), (q1, h1), (q2, h2)] if h0 > h1 && h1 > h2 && q2 > q1 => {
+                let power = ((h0 - h2) / (h0 - h1)).ln() / (q2 / q1).ln();
+                PumpCurve { shutoff_m: h0, fall: (h0 - h1) / q1.powf(power), power }
+            }
+            _ => return None,
+        };
+        let numbers = [curve.shutoff_m, curve.fall, curve.power];
+        (numbers.iter().all(|n| n.is_finite() && *n > 0.0) && curve.power <= 20.0).then_some(curve)
+    }
+}
+
+/// A value between points of time, constant beyond them.
+pub fn at_time(points: &[(f64, f64)], time_s: f64) -> f64 {
+    let next = points.partition_point(|p| p.0 <= time_s);
+    match (next.checked_sub(1).map(|i| points[i]), points.get(next)) {
+        (Some((t0, v0)), Some(&(t1, v1))) => v0 + (v1 - v0) * (time_s - t0) / (t1 - t0),
+        (Some((_, v)), None) | (None, Some(&(_, v))) => v,
+        (None, None) => 0.0,
+    }
+}
+
+impl NodeKind {
+    /// Whether water passes it in one direction from the lines that end there to those that begin there, which then have heads of their own.
+    pub fn is_passed(&self) -> bool {
+        matches!(self, NodeKind::Valve | NodeKind::Opening(_) | NodeKind::CheckValve | NodeKind::Pump(_))
+    }
+
+    /// Whether water comes from it.
+    pub fn feeds(&self) -> bool {
+        match self {
+            NodeKind::Reservoir { .. } | NodeKind::Tank { .. } => true,
+            NodeKind::Pump(pump) => pump.suction_head_m.is_some(),
+            _ => false,
+        }
+    }
 }
 
 /// Nodes and lines.
@@ -74,7 +182,7 @@ pub struct Graph {
 impl Graph {
     /// Pipes in series from a supply to a valve.
     pub fn in_series(pipes: usize) -> Graph {
-        let node = |name: &str, kind| Node { name: name.to_owned(), kind };
+        let node = |name: &str, kind| Node { name: name.to_owned(), kind, at: None };
         Graph {
             nodes: vec![node("supply", NodeKind::Reservoir { head_m: None }), node("valve", NodeKind::Valve)],
             lines: vec![Line { from: 0, to: 1, pipes: 0..pipes }],
@@ -85,7 +193,7 @@ impl Graph {
 
     /// Whether a node holds a head of its own.
     pub fn holds_head(&self, node: usize) -> bool {
-        matches!(self.nodes[node].kind, NodeKind::Reservoir { .. })
+        matches!(self.nodes[node].kind, NodeKind::Reservoir { .. } | NodeKind::Tank { .. })
     }
 
     /// The line that ends at the valve.
@@ -102,28 +210,22 @@ impl Graph {
         }
     }
 
-    /// Every line once, each after one that leads to it from the valve, and whether it is reached at its end.
-    pub fn from_valve(&self) -> Vec<(usize, bool)> {
-        let at_node = self.lines_at_nodes();
-        let mut reached = vec![false; self.nodes.len()];
-        let mut found: Vec<(usize, bool)> = Vec::with_capacity(self.lines.len());
-        let mut done = vec![false; self.lines.len()];
-        let mut open = std::collections::VecDeque::from([self.valve]);
-        reached[self.valve] = true;
-        while let Some(node) = open.pop_front() {
-            for &k in &at_node[node] {
-                if std::mem::replace(&mut done[k], true) {
-                    continue;
-                }
-                let line = &self.lines[k];
-                found.push((k, line.to == node));
-                let other = line.from + line.to - node;
-                if !std::mem::replace(&mut reached[other], true) {
-                    open.push_back(other);
-                }
-            }
+    /// A graph, with its way: from the reservoir nearest to the valve, or if there is none from the nearest tank or pump.
+    pub fn new(nodes: Vec<Node>, lines: Vec<Line>, lengths_m: &[f64], valve: usize) -> Graph {
+        let mut graph = Graph { nodes, lines, valve, way: Vec::new() };
+        let found = graph.distances(valve, lengths_m);
+        let rank = |&n: &usize| (!matches!(graph.nodes[n].kind, NodeKind::Reservoir { .. }), found[n].0);
+        let feeding = (0..graph.nodes.len()).filter(|&n| graph.nodes[n].kind.feeds() && n != valve);
+        let nearest = feeding.min_by(|a, b| rank(a).0.cmp(&rank(b).0).then(rank(a).1.total_cmp(&rank(b).1)));
+        let mut at = nearest.unwrap_or(valve);
+        let mut way = Vec::new();
+        while let Some(k) = found[at].1 {
+            let line = &graph.lines[k];
+            way.push((k, line.to == at));
+            at = line.from + line.to - at;
         }
-        found
+        graph.way = way;
+        graph
     }
 
     /// The lines that begin or end at each node.

@@ -26,6 +26,7 @@ pub(crate) mod graph;
 pub mod limits;
 pub(crate) mod live;
 pub mod material;
+pub(crate) mod network;
 pub(crate) mod parse;
 pub(crate) mod sensors;
 pub mod sizes;
@@ -43,7 +44,7 @@ pub use crate::rig::error::{Problem, RigError};
 pub use crate::rig::friction::{
     CERTAINLY_LAMINAR_REYNOLDS, LAMINAR_REYNOLDS, Regime, darcy_friction_factor, turbulent_friction_factor,
 };
-pub use crate::rig::graph::{Graph, Line, Node, NodeKind, Place};
+pub use crate::rig::graph::{Drive, Graph, Line, Node, NodeKind, Opening, Place, Pump, PumpCurve, at_time};
 pub use crate::rig::sensors::{quantity_of, spelled_unit};
 pub use crate::rig::types::{
     Constraint, Coupling, Fluid, Pipe, Rig, Sensor, SensorKind, SteadyState, Tolerance, Upstream, Valve,
