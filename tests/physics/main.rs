@@ -7,6 +7,7 @@ mod ends;
 mod energy;
 mod exact;
 mod gas;
+mod network;
 mod place;
 mod unsteady_friction;
 

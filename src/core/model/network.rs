@@ -61,6 +61,7 @@ impl Network<'_> {
         let mut q: Vec<f64> = core.iter().map(|&k| self.usual_m3_s[k]).collect();
         let least: Vec<f64> = core.iter().zip(&q).map(|(&k, &q)| LEAST_SLOPE * loss(k, q).1.abs()).collect();
         let (mut best, mut since) = (f64::INFINITY, 0);
+        let (mut before, mut part): (f64, f64) = (f64::INFINITY, 1.0);
         for _ in 0..MOST_STEPS {
             let mut diagonal = vec![0.0; free.len()];
             let mut heads: Vec<f64> = free.iter().map(|&node| -drawn[node]).collect();
@@ -82,17 +83,22 @@ impl Network<'_> {
             let off: Vec<f64> = inner.iter().map(|&i| -lines[i].1).collect();
             system.solve(&diagonal, &off, &mut heads);
             let head = |node: usize| self.held_m[node].unwrap_or_else(|| heads[number[node]]);
+            let mut steps = Vec::with_capacity(core.len());
             let (mut moved, mut whole) = (0.0, f64::MIN_POSITIVE);
-            for ((&k, q), (c, p)) in core.iter().zip(&mut q).zip(lines) {
+            for ((&k, q), (c, p)) in core.iter().zip(&q).zip(lines) {
                 let next = c + p * (head(self.links[k].0) - head(self.links[k].1));
                 moved += (next - *q).abs();
                 whole += next.abs();
-                *q = next;
+                steps.push(next - *q);
             }
             let change: f64 = moved / whole;
             if !change.is_finite() {
                 return Err(ModelError::NoSteadyFlow);
             }
+            // At the kinks of pumps and check valves whole steps may go to and fro.
+            part = if change < 0.9 * before { (2.0 * part).min(1.0) } else { (0.5 * part).max(0.05) };
+            before = change;
+            q.iter_mut().zip(steps).for_each(|(q, step)| *q += part * step);
             (best, since) = if change < best { (change, 0) } else { (best, since + 1) };
             // Rounding ends the iteration where the smallest change does not.
             if change <= FOUND || (best <= NEAR && since >= 3) {
