@@ -65,16 +65,22 @@ fn largest_difference(a: &Trace, b: &Trace, duration_s: f64) -> f64 {
 /// `s = 2 Y₁/(Y₁ + Y₂ + Y₃)`, `Y = gA/a`, passes on at a tee, `s - 1` comes back (Wylie & Streeter 1993, ch. 3); at a dead end the wave doubles.
 #[test]
 fn a_tee_and_a_dead_end_have_their_coefficients() {
-    let pipes =
-        [("main", "tank", "tee", 400.0, 60.0, 1000.0), ("run", "tee", "valve", 200.0, 40.0, 800.0), ("branch", "end", "tee", 150.0, 50.0, 500.0)];
+    let pipes = [
+        ("main", "tank", "tee", 400.0, 60.0, 1000.0),
+        ("run", "tee", "valve", 200.0, 40.0, 800.0),
+        ("branch", "end", "tee", 150.0, 50.0, 500.0),
+    ];
     let rig = rig(&[TANK, TEE, VALVE, END], &pipes, 0.0);
-    let probes = [Probe::head(at(1, 200.0)), Probe::head(at(1, 100.0)), Probe::head(at(0, 200.0)), Probe::head(at(2, 0.0))];
+    let probes =
+        [Probe::head(at(1, 200.0)), Probe::head(at(1, 100.0)), Probe::head(at(0, 200.0)), Probe::head(at(2, 0.0))];
     let run = Run { effects: "none", values: &[], velocity_m_s: 0.5, reaches: 260, duration_s: 0.9 };
     let heads = run.on(&rig, &probes, false).traces;
     let joukowsky = 800.0 * 0.5 / GRAVITY_M_S2;
     let y = |i: usize| rig.pipes[i].area_m2() / pipes[i].5;
     let passed = 2.0 * y(1) / (y(0) + y(1) + y(2));
-    let near = |found: f64, exact: f64, what: &str| assert!((found - 40.0 - exact).abs() < 1e-6 * joukowsky, "{what}: {} for {exact}", found - 40.0);
+    let near = |found: f64, exact: f64, what: &str| {
+        assert!((found - 40.0 - exact).abs() < 1e-6 * joukowsky, "{what}: {} for {exact}", found - 40.0)
+    };
     // The front leaves the valve at 0 to 0.02 s; the tee is 0.25 s away, the dead end 0.3 s more, the tank 0.4 s.
     near(heads[0].at(0.2), joukowsky, "the first rise");
     near(heads[1].at(0.45), joukowsky * passed, "what came back from the tee");
@@ -95,7 +101,11 @@ fn split(friction: f64, bound: f64) {
     let whole = rig(&[TANK, VALVE], &[("main", "tank", "valve", 120.0, 50.0, 400.0)], friction);
     let a = TEE.replace("tee", "a");
     let b = TEE.replace("tee", "b");
-    let pieces = [("one", "tank", "a", 30.0, 50.0, 400.0), ("two", "b", "a", 54.0, 50.0, 400.0), ("three", "b", "valve", 36.0, 50.0, 400.0)];
+    let pieces = [
+        ("one", "tank", "a", 30.0, 50.0, 400.0),
+        ("two", "b", "a", 54.0, 50.0, 400.0),
+        ("three", "b", "valve", 36.0, 50.0, 400.0),
+    ];
     let split = rig(&[TANK, &a, &b, VALVE], &pieces, friction);
     for (effects, values) in [
         ("none", &[][..]),
@@ -107,7 +117,8 @@ fn split(friction: f64, bound: f64) {
     ] {
         let run = Run { effects, values, velocity_m_s: 0.4, reaches: 80, duration_s: 4.0 };
         let one = run.on(&whole, &[Probe::head(120.0), Probe::head(47.0), Probe::flow(60.0)], false);
-        let other = run.on(&split, &[Probe::head(at(2, 36.0)), Probe::head(at(1, 37.0)), Probe::flow(at(1, 24.0))], false);
+        let other =
+            run.on(&split, &[Probe::head(at(2, 36.0)), Probe::head(at(1, 37.0)), Probe::flow(at(1, 24.0))], false);
         let scale = [30.0, 30.0, -1e-3];
         for ((x, y), scale) in one.traces.iter().zip(&other.traces).zip(scale) {
             let y = Trace { values: y.values.iter().map(|v| v * f64::signum(scale)).collect(), ..y.clone() };
@@ -121,8 +132,11 @@ fn split(friction: f64, bound: f64) {
 /// forty times as fine, RMS over 20 returns of the wave: the page on networks has the table.
 #[test]
 fn lengths_enter_unadjusted_and_the_error_falls_with_the_square_of_the_step() {
-    let pipes =
-        [("main", "tank", "tee", 100.0, 60.0, 1000.0), ("run", "tee", "valve", 37.3, 40.0, 1000.0), ("branch", "tee", "end", 23.9, 50.0, 1000.0)];
+    let pipes = [
+        ("main", "tank", "tee", 100.0, 60.0, 1000.0),
+        ("run", "tee", "valve", 37.3, 40.0, 1000.0),
+        ("branch", "tee", "end", 23.9, 50.0, 1000.0),
+    ];
     let slow = VALVE.replace("0.02", "0.1");
     let own = rig(&[TANK, TEE, &slow, END], &pipes, 0.02);
     let duration_s = 2.7;
@@ -137,7 +151,14 @@ fn lengths_enter_unadjusted_and_the_error_falls_with_the_square_of_the_step() {
     };
     let adjusted = |reaches: usize| {
         let dt_s = 0.1373 / reaches as f64;
-        let whole = |(name, from, to, length_m, diameter_mm, speed): (&'static str, &'static str, &'static str, f64, f64, f64)| {
+        let whole = |(name, from, to, length_m, diameter_mm, speed): (
+            &'static str,
+            &'static str,
+            &'static str,
+            f64,
+            f64,
+            f64,
+        )| {
             let n = (length_m / speed / dt_s).round().max(1.0);
             (name, from, to, length_m, diameter_mm, length_m / (n * dt_s))
         };
@@ -190,7 +211,10 @@ fn a_pump_a_tank_a_loop_and_four_kinds_of_valve_balance() {
     let flows: Vec<Probe> = (0..8).flat_map(|line| ends(line).map(Probe::flow)).collect();
     let heads = [at(0, 0.0), at(2, 31.7), at(5, 25.0), at(0, 20.0), at(1, 0.0)].map(Probe::head);
     let probes: Vec<Probe> = flows.into_iter().chain(heads).collect();
-    for (effects, values) in [("none", &[][..]), ("viscoelastic-wall:1,unsteady-friction,leak,air-pocket", &[0.1, 0.05, 1.0, 20.0, 8.0, 5.0, 1.2])] {
+    for (effects, values) in [
+        ("none", &[][..]),
+        ("viscoelastic-wall:1,unsteady-friction,leak,air-pocket", &[0.1, 0.05, 1.0, 20.0, 8.0, 5.0, 1.2]),
+    ] {
         let run = Run { effects, values, velocity_m_s: 0.6, reaches: 220, duration_s: 4.0 };
         let made = run.on(&rig, &probes, true);
         let q = |line: usize, end: usize, t: f64| made.traces[2 * line + end].at(t);
@@ -211,7 +235,10 @@ fn a_pump_a_tank_a_loop_and_four_kinds_of_valve_balance() {
         assert!((head(0, -1.0) - (2.0 + datum) - curve).abs() < 1e-6, "{effects}: {} {curve}", head(0, -1.0));
         let orifice = 60e-6 * (2.0 * GRAVITY_M_S2 * (head(2, -1.0) - datum)).sqrt();
         assert!((q(5, 1, -1.0) / orifice - 1.0).abs() < 1e-6, "{effects}: {} {orifice}", q(5, 1, -1.0));
-        let rest = (0..20).map(|i| 0.001 * f64::from(i) - 0.02).map(|t| (head(1, t) - head(1, -1.0)).abs()).fold(0.0, f64::max);
+        let rest = (0..20)
+            .map(|i| 0.001 * f64::from(i) - 0.02)
+            .map(|t| (head(1, t) - head(1, -1.0)).abs())
+            .fold(0.0, f64::max);
         assert!(rest < 1e-9, "{rest}");
         // The tank rises by what flows into it.
         let dt = made.traces[0].dt_s;

@@ -10,8 +10,8 @@ use crate::units::GRAVITY_M_S2;
 
 /// Head per flow that keeps water from flowing back in a steady state, s/m².
 const BARRIER: f64 = 1e12;
-/// Head per flow of an open check valve in a steady state, s/m²: next to none.
-const OPEN: f64 = 1e-9;
+/// Head per flow of an open check valve, s/m²: next to none, and enough that the steady flow is well determined.
+const OPEN: f64 = 1e-2;
 /// Least relative speed in a power of it.
 const LEAST_SPEED: f64 = 1e-3;
 
@@ -42,13 +42,8 @@ impl Passage {
     /// Flow that it lets pass between two sides with `e = e₁ - e₂` and `z = z₁ + z₂`, and its derivative by `e`.
     pub(crate) fn through(&self, time_s: f64, e: f64, z: f64) -> (f64, f64) {
         match self {
-            Passage::Check => {
-                if e > 0.0 {
-                    (e / z, 1.0 / z)
-                } else {
-                    (0.0, 0.0)
-                }
-            }
+            Passage::Check if e > 0.0 => (e / (z + OPEN), 1.0 / (z + OPEN)),
+            Passage::Check => (0.0, 0.0),
             Passage::Pump(pump) => pump.through(e, z),
             valve => match valve.at(time_s) {
                 Outlet::Orifice { root_c, .. } if root_c > 0.0 => {
