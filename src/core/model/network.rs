@@ -192,4 +192,49 @@ mod tests {
             assert!((head - low).abs() < 1e-9, "{head} {low}");
         }
     }
+
+    /// EPANET's example network 1 at time 0, with its own law of loss (Hazen & Williams, ft and ft³/s) and pump curve: flows of EPANET 2.2 at an accuracy of
+    /// 1e-8, in US gallons a minute.
+    #[test]
+    fn epanets_first_example_is_met() {
+        // As EPANET rounds it.
+        const GPM: f64 = 1.0 / 448.831;
+        // from, to, length ft, diameter in, flow gpm; the last is the pump
+        let links = [
+            (0, 1, 10530.0, 18.0, 1866.1758299942014),
+            (1, 2, 5280.0, 14.0, 1234.2071803141478),
+            (2, 3, 5280.0, 10.0, 129.3351345904398),
+            (4, 5, 5280.0, 10.0, 191.15813055369506),
+            (5, 6, 5280.0, 12.0, 120.66486540959117),
+            (7, 8, 5280.0, 6.0, 40.81051912634951),
+            (10, 2, 200.0, 18.0, -766.175829993151),
+            (1, 4, 5280.0, 10.0, 481.9686496800506),
+            (2, 5, 5280.0, 12.0, 188.6962157295357),
+            (3, 6, 5280.0, 8.0, 29.335134590460527),
+            (4, 7, 5280.0, 8.0, 140.81051912634896),
+            (5, 8, 5280.0, 6.0, 59.18948087364991),
+            (9, 0, 0.0, 0.0, 1866.1758299942014),
+        ];
+        let mut held = [None; 11];
+        (held[9], held[10]) = (Some(800.0), Some(970.0));
+        let drawn = [0.0, 150.0, 150.0, 100.0, 150.0, 200.0, 150.0, 100.0, 100.0, 0.0, 0.0].map(|q: f64| q * GPM);
+        let ends: Vec<(usize, usize)> = links.iter().map(|l| (l.0, l.1)).collect();
+        let network =
+            Network { links: &ends, held_m: &held, drawn_m3_s: &drawn, taken_m3_s: &[0.0; 13], usual_m3_s: &[1.0; 13] };
+        let flows = network.flows(|k, q| {
+            let (_, _, length, inches, _) = links[k];
+            if length == 0.0 {
+                // One point of 1500 gpm and 250 ft; EPANET's shutoff head is 1.33334 of its head, and no head is left at twice its flow.
+                let rated = 1500.0 * GPM;
+                let power = (1.33334f64 / 0.33334).log2();
+                let fall = 0.33334 * 250.0 * (q.abs() / rated).powf(power);
+                return (fall - 1.33334 * 250.0, power * fall / q.abs());
+            }
+            let r = 4.727 * 100f64.powf(-1.852) * (inches / 12.0f64).powf(-4.871) * length;
+            (r * q * q.abs().powf(0.852), 1.852 * r * q.abs().powf(0.852))
+        });
+        for (link, q) in links.iter().zip(flows.unwrap()) {
+            assert!((q / GPM / link.4 - 1.0).abs() < 1e-6, "{} to {}: {} for {}", link.0, link.1, q / GPM, link.4);
+        }
+    }
 }

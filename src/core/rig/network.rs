@@ -192,7 +192,11 @@ fn read_node(section: &Section<'_>, names: &mut Names) -> Option<ReadNode> {
     let name = section.required_text("name", "the node's name");
     names.check(section, name.as_ref());
     let kinds: Vec<(&str, usize)> = KINDS.iter().enumerate().map(|(i, (name, _))| (*name, i)).collect();
-    let (kind, own) = KINDS[section.required_choice("kind", &kinds)?.value];
+    let Some(kind) = section.required_choice("kind", &kinds) else {
+        report_values(section);
+        return None;
+    };
+    let (kind, own) = KINDS[kind.value];
     for key in KEYS.iter().filter(|key| !own.contains(key) && !OF_ALL.contains(key)) {
         if let Some(place) = section.place_of(key) {
             section.fault_at(&place, format!("a {kind} has no '{key}'"));
@@ -232,6 +236,33 @@ fn read_node(section: &Section<'_>, names: &mut Names) -> Option<ReadNode> {
     Some(ReadNode { node, kind, elevation_m, valve })
 }
 
+/// Reports what is wrong with the values of a node whose kind is not known.
+fn report_values(section: &Section<'_>) {
+    let limits: [(&str, &Limits); 12] = [
+        ("elevation_m", &FINITE),
+        ("demand_m3_h", &FINITE),
+        ("head_m", &FINITE),
+        ("area_m2", &POSITIVE),
+        ("closing_time_s", &POSITIVE),
+        ("discharge_head_m", &FINITE),
+        ("cda_mm2", &POSITIVE),
+        ("suction_head_m", &FINITE),
+        ("trip_s", &NOT_NEGATIVE),
+        ("inertia_kg_m2", &POSITIVE),
+        ("speed_rpm", &POSITIVE),
+        ("efficiency_percent", &EFFICIENCY),
+    ];
+    limits.into_iter().for_each(|(key, limits)| _ = section.number(key, limits));
+    _ = section.pair("at");
+    _ = share(section, "closing_time_tolerance_percent");
+    _ = (over_time(section, "opening", &SHARE), over_time(section, "speed", &NOT_NEGATIVE));
+    _ = section.points("curve_m3_h_m", CURVE);
+}
+
+/// What a pump's curve is.
+const CURVE: &str =
+    "a list [[m3/h, m], …] of one point, or of three of which the first has no flow, with heads that fall";
+
 fn read_opening(section: &Section<'_>) -> Option<Opening> {
     let words = "the valve's area times its discharge coefficient (a valve that closes has 'closing_time_s' instead)";
     let cda_mm2 = section.required("cda_mm2", words, section.number("cda_mm2", &POSITIVE));
@@ -241,12 +272,11 @@ fn read_opening(section: &Section<'_>) -> Option<Opening> {
 }
 
 fn read_pump(section: &Section<'_>) -> Option<Pump> {
-    let words = "a list [[m3/h, m], …] of one point, or of three of which the first has no flow, with heads that fall";
-    let points = section.required("curve_m3_h_m", words, section.points("curve_m3_h_m", words))?;
+    let points = section.required("curve_m3_h_m", CURVE, section.points("curve_m3_h_m", CURVE))?;
     let points: Vec<(f64, f64)> = points.into_iter().map(|(q, h)| (q / 3600.0, h)).collect();
     let curve = PumpCurve::through(&points);
     if let (None, Some(place)) = (curve, section.place_of("curve_m3_h_m")) {
-        section.fault_at(&place, format!("'curve_m3_h_m' must be {words}"));
+        section.fault_at(&place, format!("'curve_m3_h_m' must be {CURVE}"));
     }
     let speed = over_time(section, "speed", &NOT_NEGATIVE);
     let drive = match (section.number("trip_s", &NOT_NEGATIVE), speed) {
