@@ -310,3 +310,79 @@ fn over_time(section: &Section<'_>, key: &str, limits: &Limits) -> Option<Vec<(f
     }
     fine.then_some(points)
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::rig::{NodeKind, Place, Rig};
+
+    const BRANCHED: &str = include_str!("../../../rigs/branched.toml");
+
+    #[test]
+    fn a_branched_rig_is_read() {
+        let rig = Rig::from_toml(BRANCHED, "rig.toml").unwrap();
+        assert_eq!((rig.graph.nodes.len(), rig.graph.lines.len(), rig.length_m()), (4, 3, 420.0));
+        assert_eq!(rig.graph.way, [(0, false), (1, false)]);
+        assert_eq!(rig.valve_place(), Place { line: 1, position_m: 120.0 });
+        let places: Vec<(usize, f64)> = rig.sensors.iter().map(|s| (s.line, s.position_m)).collect();
+        assert_eq!(places, [(1, 120.0), (0, 150.0), (2, 83.0), (0, 10.0)]);
+        // A sensor on a branch is as far before the valve as a wave comes.
+        assert_eq!(rig.on_way_m(rig.sensors[2].place()), 420.0 - 203.0);
+        assert_eq!(rig.at_way_m(350.0), Place { line: 1, position_m: 50.0 });
+        assert!(matches!(rig.graph.nodes[3].kind, NodeKind::Junction { demand_m3_s: 0.0 }));
+    }
+
+    #[test]
+    fn what_is_no_network_is_refused_with_its_line() {
+        let error = |from: &str, to: &str| {
+            let text = BRANCHED.replacen(from, to, 1);
+            assert_ne!(text, BRANCHED, "{from}");
+            Rig::from_toml(&text, "rig.toml").unwrap_err().to_string()
+        };
+        let end = "name = \"end\"\nkind = \"dead-end\"";
+        for (from, to, says) in [
+            ("to = \"valve\"", "to = \"vlave\"", "there is no node 'vlave'; did you mean \"valve\"?"),
+            ("to = \"valve\"", "to = \"tee\"", "the pipe ends at the node where it begins"),
+            ("from = \"tee\"\nto = \"end\"", "", "missing key 'from' in [[pipe]]; it is the name of a [[node]]"),
+            (
+                end,
+                "name = \"end\"\nkind = \"valve\"\nclosing_time_s = 1",
+                "'valve' and 'end' both have a 'closing_time_s'",
+            ),
+            (end, "name = \"end\"\nkind = \"valve\"", "missing key 'cda_mm2' in [[node]]"),
+            (end, "name = \"end\"\nkind = \"valve\"\ncda_mm2 = 3", "valve 'end' needs a pipe that ends there"),
+            (end, "name = \"end\"\nkind = \"reservoir\"", "missing key 'head_m' of reservoir 'tank'"),
+            (end, "name = \"end\"\nkind = \"dead-end\"\nhead_m = 3", "a dead-end has no 'head_m'"),
+            (end, "name = \"end\"\nkind = \"dead\"", "did you mean \"dead-end\"?"),
+            (end, "name = \"end\"\nkind = \"check-valve\"", "check-valve 'end' needs a pipe that ends there"),
+            ("closing_time_s = 0.05", "cda_mm2 = 9\ndischarge_head_m = 0", "no valve closes"),
+            ("kind = \"reservoir\"", "kind = \"junction\"", "nothing feeds the pipes"),
+            ("from = \"tank\"\nto = \"tee\"", "from = \"tank\"\nto = \"end\"", "dead-end 'end' joins 2 pipes"),
+            (
+                "pipe = \"main\"\nposition_m = 150.0",
+                "",
+                "the sensor stands nowhere: give 'pipe' and 'position_m', or 'node'",
+            ),
+            (
+                "pipe = \"main\"\nposition_m = 150.0",
+                "pipe = \"mian\"\nposition_m = 1",
+                "there is no pipe 'mian'; did you mean \"main\"?",
+            ),
+            ("position_m = 150.0", "position_m = 301.0", "which goes from 0 at 'tank' to 300 m at 'tee'"),
+            ("position_m = 150.0", "node = \"tee\"", "give 'pipe' with 'position_m', or 'node', not both"),
+            ("pipe = \"main\"\nposition_m = 10.0", "node = \"tee\"", "a flow is that in a pipe"),
+            ("[fluid]", "[upstream]\nkind = \"reservoir\"\n[fluid]", "a rig with [[node]] has no [upstream]"),
+        ] {
+            let said = error(from, to);
+            assert!(said.contains(says), "{to}: {said}");
+        }
+        let apart = format!(
+            "{BRANCHED}\n[[node]]\nname = \"a\"\nkind = \"junction\"\n[[node]]\nname = \"b\"\nkind = \"junction\"\n[[pipe]]\nname = \"apart\"\n\
+             from = \"a\"\nto = \"b\"\nlength_m = 3\ninner_diameter_mm = 50\nwall_thickness_mm = 3\nmaterial = \"steel\"\n"
+        );
+        let said = Rig::from_toml(&apart, "rig.toml").unwrap_err().to_string();
+        assert!(said.contains("no pipe leads from 'a' to the valve 'valve'"), "{said}");
+        let series = include_str!("../../../rigs/demo-hdpe.toml").replacen("length_m", "from = \"x\"\nlength_m", 1);
+        let said = Rig::from_toml(&series, "rig.toml").unwrap_err().to_string();
+        assert!(said.contains("'from' names a [[node]], and the file has none"), "{said}");
+    }
+}
