@@ -223,11 +223,18 @@ fn first_sensor(rig: &Rig) -> Option<String> {
     rig.pressure_sensors().next().map(|(_, s)| s.name.clone())
 }
 
-/// Refuses effects at sensors that a rig does not have.
+/// Refuses effects at sensors or on pipes that a rig does not have.
 ///
 /// # Errors
-/// [`ModelError::UnknownSensor`] for the first of them.
+/// [`ModelError::UnknownSensor`] or [`ModelError::UnknownPipe`] for the first of them.
 pub fn check_sensors(rig: &Rig, effects: &[Chosen]) -> Result<(), ModelError> {
+    let pipes: Vec<&str> = match rig.graph.lines.len() {
+        1 => Vec::new(),
+        _ => rig.pipes.iter().map(|p| p.name.as_str()).collect(),
+    };
+    if let Some(name) = effects.iter().filter_map(|c| c.pipe.as_ref()).find(|name| !pipes.contains(&name.as_str())) {
+        return Err(ModelError::UnknownPipe { name: name.clone(), known: pipes.join(", ") });
+    }
     let known: Vec<&str> = rig.pressure_sensors().map(|(_, s)| s.name.as_str()).collect();
     match effects.iter().filter_map(|c| c.sensor.as_ref()).find(|name| !known.contains(&name.as_str())) {
         None => Ok(()),

@@ -35,7 +35,11 @@ pub enum ModelError {
          {position_m:.2} m from the supply, in a model with {effects}; check the parameter values"
     )]
     NotFinite { time_s: f64, position_m: f64, effects: String },
-    #[error("'{item}': this effect concerns no single sensor")]
+    #[error(
+        "there is no pipe '{name}' on which an effect could be; the network has {known} (pipes in series are one line: give the position)"
+    )]
+    UnknownPipe { name: String, known: String },
+    #[error("'{item}': this effect concerns no single sensor or pipe")]
     NoSensor { item: String },
     #[error("'{one}' and '{other}' cannot be together: {why}")]
     Excluded { one: String, other: String, why: &'static str },

@@ -29,6 +29,9 @@ impl Effect for Blockage {
     fn remedy(&self, place_m: Option<f64>, _sensor: Option<&str>) -> Option<String> {
         place_m.map(|at| format!("look for what narrows the pipe at {at:.1} m, take it out and repeat the test"))
     }
+    fn on_pipe(&self) -> bool {
+        true
+    }
     fn parameters(&self, site: &Site, _elements: usize) -> Vec<Parameter> {
         let length_m = site.length_m();
         vec![

@@ -35,6 +35,9 @@ impl Effect for Leak {
     fn remedy(&self, place_m: Option<f64>, _sensor: Option<&str>) -> Option<String> {
         place_m.map(|at| format!("look for the leak at {at:.1} m, close it and repeat the test"))
     }
+    fn on_pipe(&self) -> bool {
+        true
+    }
     fn parameters(&self, site: &Site, _elements: usize) -> Vec<Parameter> {
         let length_m = site.length_m();
         let area_mm2 = 1e6 * site.pipe().area_m2();

@@ -62,8 +62,8 @@ pub static CATALOGUE: &[&dyn Effect] = &[
 pub fn parse_list(text: &str) -> Result<Vec<Chosen>, ModelError> {
     let mut chosen: Vec<Chosen> = Vec::new();
     for item in text.split(',').map(str::trim).filter(|s| !s.is_empty() && *s != "none") {
-        let (item, sensor) = match item.split_once('@') {
-            Some((item, sensor)) => (item, Some(sensor.to_owned())),
+        let (item, at) = match item.split_once('@') {
+            Some((item, at)) => (item, Some(at.to_owned())),
             None => (item, None),
         };
         let (name, number) = match item.split_once(':') {
@@ -93,16 +93,17 @@ pub fn parse_list(text: &str) -> Result<Vec<Chosen>, ModelError> {
             }
             (Some(_), None) => return Err(ModelError::NoElements { item: item.to_owned() }),
         };
-        if sensor.is_some() && !effect.at_sensor() {
+        if at.is_some() && !effect.at_sensor() && !effect.on_pipe() {
             return Err(ModelError::NoSensor { item: item.to_owned() });
         }
+        let (sensor, pipe) = if effect.at_sensor() { (at, None) } else { (None, at) };
         for other in &chosen {
             if other.effect.name() == name {
                 return Err(ModelError::EffectTwice { name: name.to_owned() });
             }
             excluded(effect, other.effect)?;
         }
-        chosen.push(Chosen { effect, elements, sensor });
+        chosen.push(Chosen { effect, elements, sensor, pipe });
     }
     Ok(chosen)
 }

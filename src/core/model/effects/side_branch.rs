@@ -34,6 +34,9 @@ impl Effect for SideBranch {
     fn remedy(&self, place_m: Option<f64>, _sensor: Option<&str>) -> Option<String> {
         place_m.map(|at| format!("close off the branch at {at:.1} m and repeat the test"))
     }
+    fn on_pipe(&self) -> bool {
+        true
+    }
     fn parameters(&self, site: &Site, _elements: usize) -> Vec<Parameter> {
         let length_m = site.length_m();
         vec![
