@@ -4,8 +4,7 @@ use std::collections::HashMap;
 use std::ops::Range;
 
 use crate::rig::graph::{Drive, Graph, Line, Node, NodeKind, Opening, Pump, PumpCurve};
-use crate::rig::parse::share;
-use crate::rig::table::{FINITE, Limits, NOT_NEGATIVE, POSITIVE, Section, Source, nearest};
+use crate::rig::table::{FINITE, Limits, NOT_NEGATIVE, POSITIVE, Section, Source, nearest, share};
 use crate::rig::types::Valve;
 use crate::rig::unique::Names;
 

@@ -9,7 +9,7 @@ use crate::rig::error::RigError;
 use crate::rig::graph::Graph;
 use crate::rig::network::Nodes;
 use crate::rig::table::Limits;
-use crate::rig::table::{At, FINITE, NOT_NEGATIVE, POSITIVE, Section, Source, nearest};
+use crate::rig::table::{At, FINITE, NOT_NEGATIVE, POSITIVE, Section, Source, nearest, share};
 use crate::rig::types::{Constraint, Fluid, Pipe, Rig, SteadyState, Tolerance, Upstream, Valve};
 use crate::rig::unique::Names;
 use crate::rig::{live, material, network, sensors};
@@ -21,8 +21,6 @@ const TOP: &[&str] =
 const FLUID: &[&str] = &["name", "temperature_degC"];
 const PIPE: &[&str] = &[
     "name",
-    "from",
-    "to",
     "length_m",
     "inner_diameter_mm",
     "wall_thickness_mm",
@@ -37,6 +35,8 @@ const PIPE: &[&str] = &[
     "length_tolerance_percent",
     "inner_diameter_tolerance_percent",
     "wall_thickness_tolerance_percent",
+    "from",
+    "to",
 ];
 const UPSTREAM: &[&str] = &["kind"];
 const DOWNSTREAM: &[&str] = &["kind", "closing_time_s", "discharge_head_m", "closing_time_tolerance_percent"];
@@ -60,7 +60,6 @@ const HOMES: [(&str, &[&str]); 9] = [
 
 const TEMPERATURE: Limits = Limits { holds: |v| (0.0..=100.0).contains(&v), words: "a temperature from 0 to 100 degC" };
 const POISSON: Limits = Limits { holds: |v| v > 0.0 && v < 0.5, words: "a number between 0 and 0.5" };
-const SHARE: Limits = Limits { holds: |v| (0.0..=50.0).contains(&v), words: "a percentage from 0 to 50" };
 const FRICTION: Limits = Limits { holds: |v| (0.0..=1.0).contains(&v), words: "a Darcy friction factor from 0 to 1" };
 const WAVE_SPEED: Limits = Limits {
     holds: |v| v > 0.0 && v <= 1600.0,
@@ -362,14 +361,12 @@ fn read_pipe(
     {
         section.fault_at(&place, format!("a roughness of {r} mm is over a tenth of the diameter ({d} mm)"));
     }
+    let before = if section.place_of("from").is_some() { "its node is" } else { "the one before it ends" };
     let elevation_start_m = section.number("elevation_start_m", &FINITE).or(joins_at_m).unwrap_or(0.0);
     if let (Some(place), Some(end)) = (section.place_of("elevation_start_m"), joins_at_m)
         && (elevation_start_m - end).abs() > 1e-3
     {
-        section.fault_at(
-            &place,
-            format!("the pipe starts at {elevation_start_m} m, but what is before it ends at {end} m"),
-        );
+        section.fault_at(&place, format!("the pipe starts at {elevation_start_m} m, but {before} at {end} m"));
     }
     let elevation_end_m = section.number("elevation_end_m", &FINITE).or(ends_at_m).unwrap_or(elevation_start_m);
     if let (Some(place), Some(end)) = (section.place_of("elevation_end_m"), ends_at_m)
@@ -434,10 +431,6 @@ fn read_tolerance(section: &Section<'_>) -> (Tolerance, f64) {
         wall: usual.wall,
     };
     (tolerance, share(section, "position_percent").unwrap_or(position))
-}
-
-pub(crate) fn share(section: &Section<'_>, key: &str) -> Option<f64> {
-    section.number(key, &SHARE).map(|percent| percent / 100.0)
 }
 
 fn read_steady(section: &Section<'_>) -> Option<SteadyState> {

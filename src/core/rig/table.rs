@@ -311,6 +311,14 @@ impl<'a> Section<'a> {
     }
 }
 
+/// Percentages of what is not exactly known.
+const SHARE: Limits = Limits { holds: |v| (0.0..=50.0).contains(&v), words: "a percentage from 0 to 50" };
+
+/// A percentage as a share.
+pub(crate) fn share(section: &Section<'_>, key: &str) -> Option<f64> {
+    section.number(key, &SHARE).map(|percent| percent / 100.0)
+}
+
 fn one_of<T>(choices: &[(&str, T)]) -> String {
     choices.iter().map(|(name, _)| format!("\"{name}\"")).collect::<Vec<_>>().join(" or ")
 }
