@@ -201,11 +201,9 @@ impl<'a> Balance<'a> {
         }
     }
 
-    /// Adds what an element over several joints takes from each. Call it when the joints' heads are known.
-    pub fn spread(&mut self, one: &Spread, state: &State) {
-        let segments = &self.steady.grid.segments;
-        let taken: f64 = one.at.iter().map(|&(s, weight)| weight * state.h[segments[s + 1].offset]).sum();
-        self.row[EFFECTS + one.owner] += self.weight * taken * one.flow_m3_s;
+    /// Adds what an element over several joints takes from them; `head_m` is their head deviation, interpolated at it.
+    pub fn spread(&mut self, one: &Spread, head_m: f64) {
+        self.row[EFFECTS + one.owner] += self.weight * head_m * one.flow_m3_s;
     }
 
     /// Adds what leaves the pipes at a node of head deviation `h`: into a supply, or else by a valve and as demand.

@@ -1,7 +1,7 @@
 //! A node of the graph: the ends of lines that meet there, and the law by which water leaves it or passes it.
 //!
 //! Each end sends one characteristic, linear in head and flow. Those of several ends at one head `H` make one, `Q = (e - H)/z` into the node,
-//! with `1/z = Σ 1/z_i` and `e = z Σ e_i/z_i`.
+//! with `1/z = Σ 1/z_i` and `e = z Σ e_i/z_i`. A supply, a valve and a tee are one node each; no other place has code for them.
 
 use crate::model::boundary::{Outlet, Supply};
 use crate::model::end::End;
@@ -12,8 +12,8 @@ use crate::model::state::State;
 
 /// What is at a node.
 pub enum Law {
-    /// Nothing but its elements and what is drawn off.
-    Plain,
+    /// A flow is drawn off, m³/s; nothing, where pipes only meet.
+    Draw(f64),
     /// A given head.
     Supply(Box<dyn Supply>),
     /// An open tank: `A dH/dt = Q`, by the trapezoidal rule.
@@ -29,88 +29,101 @@ pub enum Law {
     Passage(Passage),
 }
 
-/// See the module.
-pub struct Junction {
-    /// Segments that end here.
-    pub last: Vec<usize>,
-    /// Segments that begin here.
-    pub first: Vec<usize>,
-    /// What is there.
-    pub law: Law,
-    /// Its index among all nodes that may have elements.
-    pub index: usize,
-    /// Head before the closure, m: before what is there, and behind it. Where no line ends, the first is that of the water a pump takes.
-    pub steady_m: [f64; 2],
-    /// What arrives, in the order of the ends.
-    pub arrived: Vec<Arriving>,
-}
-
-/// The two ends of each segment.
-pub(crate) struct Ends<'a> {
-    pub(crate) first: Vec<End<'a, false>>,
-    pub(crate) last: Vec<End<'a, true>>,
-}
-
-impl Junction {
-    /// Solves the node at the new time and sends the waves back into its lines. `node` has its elements.
-    #[inline]
-    pub(crate) fn step(
-        &mut self,
-        node: &mut Node,
-        state: &mut State,
-        ends: &Ends,
-        (time_s, dt_s): (f64, f64),
-        balance: &mut Option<&mut Balance>,
-    ) {
-        self.arrived.clear();
-        self.arrived.extend(self.last.iter().map(|&s| ends.last[s].arriving(state)));
-        self.arrived.extend(self.first.iter().map(|&s| ends.first[s].arriving(state)));
-        if !self.first.is_empty() && matches!(self.law, Law::Passage(_)) {
-            return self.pass(node, state, ends, (time_s, dt_s), balance);
-        }
-        let reached = together(&self.arrived);
-        // Head, flow into the node, and what of it the elements leave.
-        let (head_m, inflow_m3_s, out_m3_s) = match &mut self.law {
-            Law::Supply(supply) => {
-                let head_m = supply.head_m(time_s);
-                let flow = (reached.e - head_m) / reached.z;
-                (head_m, flow, flow)
-            }
+impl Law {
+    /// What the node is at a time, for lines that share its head.
+    #[inline(always)]
+    fn at(&mut self, time_s: f64) -> Outlet {
+        match self {
+            Law::Draw(flow_m3_s) => Outlet::Flow(*flow_m3_s),
+            Law::Supply(supply) => Outlet::Head(supply.head_m(time_s)),
             Law::Tank { rate_m2_s, head_m, inflow_m3_s } => {
-                let known = *rate_m2_s * *head_m + *inflow_m3_s;
-                let next_m = (reached.e + reached.z * known) / (1.0 + reached.z * *rate_m2_s);
-                *inflow_m3_s = (reached.e - next_m) / reached.z;
-                *head_m = next_m;
-                (next_m, *inflow_m3_s, *inflow_m3_s)
+                Outlet::Surface { rate_m2_s: *rate_m2_s, known_m3_s: *rate_m2_s * *head_m + *inflow_m3_s }
             }
-            Law::Plain if node.is_plain() => {
-                (reached.e - reached.z * node.taken_m3_s, node.taken_m3_s, node.taken_m3_s)
+            Law::Passage(passage) => passage.at(time_s),
+        }
+    }
+}
+
+/// The lines that end at a node (`DOWNSTREAM`), or those that begin there, each with what arrives from it.
+pub(crate) struct Side<'a, const DOWNSTREAM: bool>(Vec<(End<'a, DOWNSTREAM>, Arriving)>);
+
+impl<'a, const DOWNSTREAM: bool> Side<'a, DOWNSTREAM> {
+    pub(crate) fn new(ends: impl Iterator<Item = End<'a, DOWNSTREAM>>) -> Self {
+        Side(ends.map(|end| (end, Arriving::NOTHING)).collect())
+    }
+
+    /// What arrives, as one characteristic.
+    #[inline(always)]
+    fn arriving(&mut self, state: &State) -> Arriving {
+        let mut all = Arriving::NOTHING;
+        for (end, arrived) in &mut self.0 {
+            *arrived = end.arriving(state);
+            all = all.and(*arrived);
+        }
+        all
+    }
+
+    /// Sends the waves back for the node's head and what all bring into it together, m³/s.
+    #[inline(always)]
+    fn leave(&self, state: &mut State, head_m: f64, inflow_m3_s: f64) {
+        let sign = End::<DOWNSTREAM>::SIGN;
+        if let [(end, _)] = &self.0[..] {
+            return end.leave(state, head_m, sign * inflow_m3_s);
+        }
+        for (end, arrived) in &self.0 {
+            end.leave(state, head_m, sign * arrived.inflow_m3_s(head_m));
+        }
+    }
+
+    /// Head at the last step, m.
+    fn head_m(&self, state: &State) -> Option<f64> {
+        self.0.first().map(|(end, _)| end.head_m(state))
+    }
+}
+
+/// See the module.
+pub(crate) struct Junction<'a> {
+    /// Lines that end here.
+    pub(crate) last: Side<'a, true>,
+    /// Lines that begin here.
+    pub(crate) first: Side<'a, false>,
+    /// What is there.
+    pub(crate) law: Law,
+    /// Its elements.
+    pub(crate) node: Node,
+    /// Its index among all nodes that may have elements.
+    pub(crate) index: usize,
+    /// Head before the closure, m: before what is there, and behind it. Where no line ends, the first is that of the water a pump takes.
+    pub(crate) steady_m: [f64; 2],
+}
+
+impl Junction<'_> {
+    /// Solves the node at the new time and sends the waves back into its lines.
+    #[inline]
+    pub(crate) fn step(&mut self, state: &mut State, (time_s, dt_s): (f64, f64), balance: &mut Option<&mut Balance>) {
+        let (last, first) = (self.last.arriving(state), self.first.arriving(state));
+        if let (Law::Passage(_), true) = (&self.law, first.is_something()) {
+            return self.pass(state, (last, first), (time_s, dt_s), balance);
+        }
+        let (node, reached, outlet) = (&mut self.node, last.and(first), self.law.at(time_s));
+        // Head, flow into the node, and what of it the elements leave.
+        let (head_m, inflow_m3_s, out_m3_s) = if node.is_plain() {
+            let (head_m, flow) = outlet.solve(reached.z, reached.e);
+            (head_m, flow, flow)
+        } else {
+            let guess_m = self.last.head_m(state).or(self.first.head_m(state)).unwrap_or(0.0);
+            let solved = node.find(reached, |h| outlet.flow_at_m3_s(h), guess_m);
+            if let Some(balance) = balance {
+                balance.node(self.index, node, &solved, [self.steady_m[0]; 2]);
             }
-            law => {
-                let outlet = if let Law::Passage(valve) = law { valve.at(time_s) } else { Outlet::Flow(0.0) };
-                if node.is_plain() {
-                    let flow = outlet.flow_m3_s(reached.z, reached.e);
-                    (reached.e - reached.z * flow, flow, flow)
-                } else {
-                    let last_m = self.last.first().map(|&s| ends.last[s].head_m(state));
-                    let guess_m = last_m.or(self.first.first().map(|&s| ends.first[s].head_m(state))).unwrap_or(0.0);
-                    let solved = node.find(reached, |h| outlet.flow_at_m3_s(h), guess_m);
-                    if let Some(balance) = balance {
-                        balance.node(self.index, node, &solved, [self.steady_m[0]; 2]);
-                    }
-                    node.advance(&solved);
-                    (solved.left_head_m, solved.left_flow_m3_s, solved.right_flow_m3_s + node.taken_m3_s)
-                }
-            }
+            node.advance(&solved);
+            (solved.left_head_m, solved.left_flow_m3_s, solved.right_flow_m3_s)
         };
-        let alone = self.arrived.len() == 1;
-        let (last, first) = self.arrived.split_at(self.last.len());
-        for (&s, arrived) in self.last.iter().zip(last) {
-            ends.last[s].leave(state, head_m, if alone { inflow_m3_s } else { arrived.inflow_m3_s(head_m) });
+        if let Law::Tank { head_m: level_m, inflow_m3_s, .. } = &mut self.law {
+            (*level_m, *inflow_m3_s) = (head_m, out_m3_s);
         }
-        for (&s, arrived) in self.first.iter().zip(first) {
-            ends.first[s].leave(state, head_m, -if alone { inflow_m3_s } else { arrived.inflow_m3_s(head_m) });
-        }
+        self.last.leave(state, head_m, if first.is_something() { last.inflow_m3_s(head_m) } else { inflow_m3_s });
+        self.first.leave(state, head_m, if last.is_something() { first.inflow_m3_s(head_m) } else { inflow_m3_s });
         if let Some(balance) = balance {
             let into_supply = matches!(self.law, Law::Supply(_) | Law::Tank { .. });
             balance.leaves(into_supply, head_m - self.steady_m[0], out_m3_s);
@@ -120,16 +133,13 @@ impl Junction {
     /// The same where water passes from the lines that end here into those that begin here.
     fn pass(
         &mut self,
-        node: &mut Node,
         state: &mut State,
-        ends: &Ends,
+        (left, right): (Arriving, Arriving),
         (time_s, dt_s): (f64, f64),
         balance: &mut Option<&mut Balance>,
     ) {
-        let Law::Passage(law) = &mut self.law else { return };
-        let (last, first) = self.arrived.split_at(self.last.len());
-        let left = if last.is_empty() { Arriving { z: 0.0, e: self.steady_m[0] } } else { together(last) };
-        let right = together(first);
+        let (Law::Passage(law), node) = (&mut self.law, &mut self.node) else { return };
+        let left = if left.is_something() { left } else { Arriving { z: 0.0, e: self.steady_m[0] } };
         let (left_m, left_m3_s, flow) = if node.is_plain() {
             let flow = match law.at(time_s) {
                 // A given head drives what ends here.
@@ -138,7 +148,7 @@ impl Junction {
             };
             (left.e - left.z * flow, flow, flow)
         } else {
-            let guess_m = self.last.first().map_or(self.steady_m[0], |&s| ends.last[s].head_m(state));
+            let guess_m = self.last.head_m(state).unwrap_or(self.steady_m[0]);
             let solved = node.find(left, |h| law.through(time_s, h - right.e, right.z), guess_m);
             if let Some(balance) = balance {
                 balance.node(self.index, node, &solved, [self.steady_m[0]; 2]);
@@ -148,27 +158,11 @@ impl Junction {
         };
         let right_m = right.e + right.z * flow;
         law.advance(time_s, dt_s, flow, right_m - left_m);
-        for (&s, arrived) in self.last.iter().zip(last) {
-            let own = if last.len() == 1 { left_m3_s } else { arrived.inflow_m3_s(left_m) };
-            ends.last[s].leave(state, left_m, own);
-        }
-        for (&s, arrived) in self.first.iter().zip(first) {
-            let own = if first.len() == 1 { flow } else { -arrived.inflow_m3_s(right_m) };
-            ends.first[s].leave(state, right_m, own);
-        }
+        self.last.leave(state, left_m, left_m3_s);
+        self.first.leave(state, right_m, -flow);
         if let Some(balance) = balance {
             balance.leaves(false, left_m - self.steady_m[0], flow);
             balance.leaves(false, right_m - self.steady_m[1], -flow);
         }
     }
-}
-
-/// Characteristics at one head as one.
-#[inline]
-fn together(all: &[Arriving]) -> Arriving {
-    if let [one] = all {
-        return *one;
-    }
-    let (by_z, e_by_z) = all.iter().fold((0.0, 0.0), |(y, h), a| (y + 1.0 / a.z, h + a.e / a.z));
-    Arriving { z: 1.0 / by_z, e: e_by_z / by_z }
 }

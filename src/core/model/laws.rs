@@ -21,14 +21,6 @@ pub(crate) struct Laws<'a> {
 }
 
 impl Laws<'_> {
-    /// Flow drawn off at a node, m³/s.
-    pub(crate) fn demand_m3_s(&self, node: usize) -> f64 {
-        match self.system.graph.nodes[node].kind {
-            NodeKind::Junction { demand_m3_s } => demand_m3_s,
-            _ => 0.0,
-        }
-    }
-
     /// The law of a node into which lines bring `inflow_m3_s` before the closure.
     pub(crate) fn of(&mut self, node: usize, inflow_m3_s: f64) -> Law {
         let System { graph, passed, behind, .. } = self.system;
@@ -36,13 +28,13 @@ impl Laws<'_> {
         let head_m = self.at_m[node];
         let behind_m = behind[node].map_or(head_m, |b| self.at_m[b]);
         match &graph.nodes[node].kind {
-            NodeKind::Junction { .. } => Law::Plain,
+            NodeKind::Junction { demand_m3_s } => Law::Draw(*demand_m3_s),
             NodeKind::Reservoir { .. } => {
                 let own = if node == graph.supply() { self.supply.take() } else { None };
                 Law::Supply(own.unwrap_or_else(|| Box::new(ConstantHead(head_m))))
             }
             NodeKind::Tank { area_m2, .. } => Law::Tank { rate_m2_s: 2.0 * area_m2 / self.dt_s, head_m, inflow_m3_s },
-            NodeKind::Valve => self.valve.take().map_or(Law::Plain, |valve| Law::Passage(Passage::Valve(valve))),
+            NodeKind::Valve => self.valve.take().map_or(Law::Draw(0.0), |valve| Law::Passage(Passage::Valve(valve))),
             NodeKind::Opening(opening) => Law::Passage(Passage::Opening(opening.clone(), behind_m)),
             NodeKind::CheckValve => Law::Passage(Passage::Check),
             NodeKind::Pump(pump) => {

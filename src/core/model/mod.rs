@@ -18,6 +18,7 @@ pub mod error;
 pub mod friction;
 pub mod gas;
 pub mod grid;
+pub(crate) mod joint;
 pub(crate) mod junction;
 pub mod kernel;
 pub(crate) mod late;

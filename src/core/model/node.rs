@@ -156,8 +156,30 @@ pub struct Arriving {
 }
 
 impl Arriving {
+    /// Where no pipe is.
+    pub const NOTHING: Arriving = Arriving { z: f64::INFINITY, e: 0.0 };
+
+    /// Whether a pipe is there.
+    #[inline(always)]
+    pub fn is_something(self) -> bool {
+        self.z < f64::INFINITY
+    }
+
+    /// Two that arrive at one head, as one.
+    #[inline(always)]
+    pub fn and(self, other: Arriving) -> Arriving {
+        match (self.is_something(), other.is_something()) {
+            (true, true) => {
+                let by_both = 1.0 / (self.z + other.z);
+                Arriving { z: self.z * other.z * by_both, e: (self.e * other.z + other.e * self.z) * by_both }
+            }
+            (true, false) => self,
+            _ => other,
+        }
+    }
+
     /// What it brings into a node of this head, m³/s.
-    #[inline]
+    #[inline(always)]
     pub fn inflow_m3_s(self, head_m: f64) -> f64 {
         (self.e - head_m) / self.z
     }
@@ -195,6 +217,7 @@ impl Node {
     }
 
     /// Whether it is a plain joint without elements of its own.
+    #[inline]
     pub fn is_plain(&self) -> bool {
         self.losses.is_empty() && self.shunts.is_empty()
     }

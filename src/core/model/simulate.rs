@@ -8,7 +8,6 @@ use crate::model::energy::Owners;
 use crate::model::error::ModelError;
 use crate::model::friction::{ReachFriction, WallFriction};
 use crate::model::grid::{Grid, Stretch};
-use crate::model::junction::Junction;
 use crate::model::laws::Laws;
 use crate::model::line_flows::{System, line_flows};
 use crate::model::memory::Need;
@@ -187,19 +186,15 @@ impl Model<'_> {
             supply: Some(supply),
             valve: Some(valve),
         };
-        let junctions = grid.ends_at(graph).into_iter().enumerate().map(|(n, [last, first])| {
-            let index = grid.segments.len() + n;
-            nodes[index].taken_m3_s = laws.demand_m3_s(n);
-            let steady_m = [at_m[n], system.behind[n].map_or(at_m[n], |behind| at_m[behind])];
+        let ends = grid.ends_at(graph);
+        let laws = ends.iter().enumerate().map(|(n, [last, first])| {
             let sum = |of: &[usize]| of.iter().map(|&s| flows[s]).sum::<f64>();
-            let inflow_m3_s = sum(&last) - sum(&first);
-            let arrived = Vec::with_capacity(last.len() + first.len());
-            Junction { law: laws.of(n, inflow_m3_s), last, first, index, steady_m, arrived }
+            let steady_m = [at_m[n], system.behind[n].map_or(at_m[n], |behind| at_m[behind])];
+            (laws.of(n, sum(last) - sum(first)), steady_m)
         });
-        let junctions = junctions.collect();
-        let lines = Lines { steady: &steady, terms, field, junctions, nodes, spread };
+        let lines = Lines { steady: &steady, terms, field, nodes, laws: laws.collect(), spread };
         let owners = with_energy.then_some(owners);
-        let (traces, energy) = lines.run(steps, probes, owners).map_err(|error| self.named(error))?;
+        let (traces, energy) = lines.run(graph, steps, probes, owners).map_err(|error| self.named(error))?;
         Ok(Simulated { traces, energy, starts, flows_m3_s: flows })
     }
 

@@ -38,7 +38,9 @@ impl State {
     /// Delays the waves in late reaches.
     #[inline]
     pub(crate) fn pass_late(&mut self) {
-        self.late.iter_mut().for_each(|late| late.pass(&mut self.fwd, &mut self.bwd));
+        for late in &mut self.late {
+            late.pass(&mut self.fwd, &mut self.bwd);
+        }
     }
 
     /// Steps the nodes of a segment between its ends.
