@@ -3,7 +3,7 @@
 use std::error::Error;
 
 use crate::model::boundary::Closure;
-use crate::model::effects::{CATALOGUE, Chosen, Effect, Site};
+use crate::model::effects::{CATALOGUE, Chosen, Effect, Site, pipe_is_no_setting};
 use crate::model::energy::Energy;
 use crate::model::friction::WallFriction;
 use crate::model::line_flows::way_loss_m;
@@ -273,6 +273,8 @@ fn check_names(model: &Model, water: &WaterProperties, settings: &[(String, f64)
         "it is a time on a recording's clock, but here time 0 is the start of the closure: leave it out".to_owned()
     } else if name == "offset_m" || name.starts_with("offset_m[") {
         "it belongs to recorded sensors; simulated ones have no offset: leave it out".to_owned()
+    } else if let Some(why) = pipe_is_no_setting(name) {
+        why
     } else if let Some((effect, elements)) = owner(name, model, water) {
         let label =
             if effect.elements().is_some() { format!("{}:{elements}", effect.name()) } else { effect.name().into() };

@@ -66,7 +66,7 @@ use crate::fit::search::nested::or_from_signals;
 use crate::fit::search::options::Options;
 use crate::fit::validate::held_out::held_out_m;
 use crate::model::effects::{Chosen, SHOWN};
-use crate::model::{Model, check_sensors};
+use crate::model::{Model, check_places};
 use crate::rig::Rig;
 
 /// Diagnoses `runs` of a rig, starting from a model with `effects`. `progress` receives a few words on each step.
@@ -488,7 +488,7 @@ pub fn grow(
     options: &Options,
     progress: &OnProgress<'_>,
 ) -> Result<(Fit, f64), FitError> {
-    check_sensors(rig, std::slice::from_ref(added))?;
+    check_places(rig, std::slice::from_ref(added))?;
     let baseline = Baseline::new(rig, runs, start, options)?;
     let shown = |p: &Progress| progress(&p.within(&added.label()));
     let mut fits = Vec::new();

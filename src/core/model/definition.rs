@@ -223,11 +223,11 @@ fn first_sensor(rig: &Rig) -> Option<String> {
     rig.pressure_sensors().next().map(|(_, s)| s.name.clone())
 }
 
-/// Refuses effects at sensors or on pipes that a rig does not have.
+/// Refuses effects at sensors, on pipes or at a supply that a rig does not have.
 ///
 /// # Errors
-/// [`ModelError::UnknownSensor`] or [`ModelError::UnknownPipe`] for the first of them.
-pub fn check_sensors(rig: &Rig, effects: &[Chosen]) -> Result<(), ModelError> {
+/// [`ModelError::UnknownSensor`], [`ModelError::UnknownPipe`] or [`ModelError::NoReservoir`] for the first of them.
+pub fn check_places(rig: &Rig, effects: &[Chosen]) -> Result<(), ModelError> {
     let pipes: Vec<&str> = match rig.graph.lines.len() {
         1 => Vec::new(),
         _ => rig.pipes.iter().map(|p| p.name.as_str()).collect(),
@@ -235,9 +235,36 @@ pub fn check_sensors(rig: &Rig, effects: &[Chosen]) -> Result<(), ModelError> {
     if let Some(name) = effects.iter().filter_map(|c| c.pipe.as_ref()).find(|name| !pipes.contains(&name.as_str())) {
         return Err(ModelError::UnknownPipe { name: name.clone(), known: pipes.join(", ") });
     }
+    let supply = &rig.graph.nodes[rig.graph.supply()];
+    if let (Some(chosen), false) = (effects.iter().find(|c| c.effect.at_supply()), supply.kind.holds_given_head()) {
+        return Err(ModelError::NoReservoir { effect: chosen.label(), node: supply.name.clone() });
+    }
     let known: Vec<&str> = rig.pressure_sensors().map(|(_, s)| s.name.as_str()).collect();
     match effects.iter().filter_map(|c| c.sensor.as_ref()).find(|name| !known.contains(&name.as_str())) {
         None => Ok(()),
         Some(name) => Err(ModelError::UnknownSensor { name: name.clone(), known: known.join(", ") }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::effects::parse_list;
+
+    /// A reservoir's head may drift; what a tank or a pump does, its own law says.
+    #[test]
+    fn an_effect_at_the_supply_needs_a_reservoir() {
+        let branched = include_str!("../../../rigs/branched.toml");
+        let tank = branched.replace("kind = \"reservoir\"", "kind = \"tank\"\nhead_m = 40.0\narea_m2 = 1.0");
+        let check = |rig: &str, effects: &str| {
+            let rig = Rig::from_toml(rig, "rig.toml").unwrap();
+            let refused = check_places(&rig, &parse_list(effects).unwrap());
+            (refused, parse_list(effects).unwrap()[0].effect.impossible(&rig).is_some())
+        };
+        assert_eq!(check(branched, "supply-drift"), (Ok(()), false));
+        assert_eq!(check(&tank, "leak"), (Ok(()), false));
+        let (refused, impossible) = check(&tank, "supply-drift,leak");
+        let said = refused.unwrap_err().to_string();
+        assert!(impossible && said.contains("'supply-drift'") && said.contains("'tank'"), "{said}");
     }
 }

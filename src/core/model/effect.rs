@@ -79,6 +79,10 @@ pub trait Effect: Sync {
     fn on_pipe(&self) -> bool {
         false
     }
+    /// Whether it changes the head of the supply.
+    fn at_supply(&self) -> bool {
+        false
+    }
     /// Effects with which it cannot be combined, and why.
     fn excludes(&self) -> &'static [(&'static str, &'static str)] {
         &[]

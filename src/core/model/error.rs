@@ -39,6 +39,11 @@ pub enum ModelError {
         "there is no pipe '{name}' on which an effect could be; the network has {known} (pipes in series are one line: give the position)"
     )]
     UnknownPipe { name: String, known: String },
+    #[error(
+        "'{effect}' changes the head of a reservoir, and nothing feeds this rig but '{node}', whose head follows from its own law; leave the effect \
+         out, or make '{node}' a [[node]] of kind \"reservoir\""
+    )]
+    NoReservoir { effect: String, node: String },
     #[error("'{item}': this effect concerns no single sensor or pipe")]
     NoSensor { item: String },
     #[error("'{one}' and '{other}' cannot be together: {why}")]

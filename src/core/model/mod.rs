@@ -45,6 +45,6 @@ pub mod trace;
 pub(crate) mod unsteady_kernels;
 pub mod valve_from_head;
 
-pub use crate::model::definition::{Model, check_sensors};
+pub use crate::model::definition::{Model, check_places};
 pub use crate::model::error::ModelError;
 pub use crate::model::run::{Conditions, LEAST_DROP_M, Resolution, RunValues, Simulated};

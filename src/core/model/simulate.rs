@@ -3,7 +3,7 @@
 use crate::model::attach::{Attached, attach};
 use crate::model::boundary::{Closure, ConstantHead, GivenEnd, MeasuredHead, Supply, ValveEnd};
 use crate::model::chosen::Chosen;
-use crate::model::definition::{Model, check_sensors};
+use crate::model::definition::{Model, check_places};
 use crate::model::energy::Owners;
 use crate::model::error::ModelError;
 use crate::model::friction::{ReachFriction, WallFriction};
@@ -260,7 +260,7 @@ impl Model<'_> {
     }
 
     fn check(&self, shared: &[f64], run: &RunValues) -> Result<(), ModelError> {
-        check_sensors(self.rig, &self.effects)?;
+        check_places(self.rig, &self.effects)?;
         let positive = |name: &str, value: f64| match value > 0.0 && value.is_finite() {
             true => Ok(()),
             false => Err(ModelError::Value { name: name.to_owned(), value, allowed: "more than zero" }),

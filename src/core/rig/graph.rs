@@ -156,6 +156,11 @@ impl NodeKind {
         matches!(self, NodeKind::Valve | NodeKind::Opening(_) | NodeKind::CheckValve | NodeKind::Pump(_))
     }
 
+    /// Whether it holds a head that an effect may change in time.
+    pub fn holds_given_head(&self) -> bool {
+        matches!(self, NodeKind::Reservoir { .. })
+    }
+
     /// Whether water comes from it.
     pub fn feeds(&self) -> bool {
         match self {
@@ -214,7 +219,7 @@ impl Graph {
     pub fn new(nodes: Vec<Node>, lines: Vec<Line>, lengths_m: &[f64], valve: usize) -> Graph {
         let mut graph = Graph { nodes, lines, valve, way: Vec::new() };
         let found = graph.distances(valve, lengths_m);
-        let rank = |&n: &usize| (!matches!(graph.nodes[n].kind, NodeKind::Reservoir { .. }), found[n].0);
+        let rank = |&n: &usize| (!graph.nodes[n].kind.holds_given_head(), found[n].0);
         let feeding = (0..graph.nodes.len()).filter(|&n| graph.nodes[n].kind.feeds() && n != valve);
         let nearest = feeding.min_by(|a, b| rank(a).0.cmp(&rank(b).0).then(rank(a).1.total_cmp(&rank(b).1)));
         let mut at = nearest.unwrap_or(valve);

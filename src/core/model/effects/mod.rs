@@ -108,6 +108,15 @@ pub fn parse_list(text: &str) -> Result<Vec<Chosen>, ModelError> {
     Ok(chosen)
 }
 
+/// Why there is no setting such as `leak_pipe`: the pipe stands behind the effect's name.
+pub fn pipe_is_no_setting(name: &str) -> Option<String> {
+    let own = name.strip_suffix("_pipe")?;
+    let effect = CATALOGUE.iter().find(|e| e.on_pipe() && e.name().split('-').any(|word| word == own))?.name();
+    Some(format!(
+        "the pipe stands behind the effect's name: write {effect}@PIPE in option `effects`, PIPE being the name of the pipe"
+    ))
+}
+
 /// As on the command line.
 impl serde::Serialize for Chosen {
     fn serialize<S: serde::Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
@@ -150,5 +159,9 @@ mod tests {
         assert!(slip.contains("did you mean 'viscoelastic-wall'"), "{slip}");
         assert!(parse_list("viscoelastic-wall:0").unwrap_err().to_string().contains("from 1 to"));
         assert!(parse_list("viscoelastic-wall,viscoelastic-wall:2").unwrap_err().to_string().contains("twice"));
+        for (setting, write) in [("leak_pipe", "leak@PIPE"), ("branch_pipe", "side-branch@PIPE")] {
+            assert!(pipe_is_no_setting(setting).unwrap().contains(write), "{setting}");
+        }
+        assert_eq!((pipe_is_no_setting("tau1_s"), pipe_is_no_setting("gas_pipe")), (None, None));
     }
 }
