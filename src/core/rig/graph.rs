@@ -151,6 +151,18 @@ pub fn at_time(points: &[(f64, f64)], time_s: f64) -> f64 {
 }
 
 impl NodeKind {
+    /// Its name in a rig file; a dead end is a junction of one line.
+    pub fn name(&self) -> &'static str {
+        match self {
+            NodeKind::Junction { .. } => "junction",
+            NodeKind::Reservoir { .. } => "reservoir",
+            NodeKind::Tank { .. } => "tank",
+            NodeKind::Valve | NodeKind::Opening(_) => "valve",
+            NodeKind::CheckValve => "check-valve",
+            NodeKind::Pump(_) => "pump",
+        }
+    }
+
     /// Whether water passes it in one direction from the lines that end there to those that begin there, which then have heads of their own.
     pub fn is_passed(&self) -> bool {
         matches!(self, NodeKind::Valve | NodeKind::Opening(_) | NodeKind::CheckValve | NodeKind::Pump(_))
@@ -234,7 +246,7 @@ impl Graph {
     }
 
     /// The lines that begin or end at each node.
-    fn lines_at_nodes(&self) -> Vec<Vec<usize>> {
+    pub fn lines_at_nodes(&self) -> Vec<Vec<usize>> {
         let mut at_node = vec![Vec::new(); self.nodes.len()];
         for (k, line) in self.lines.iter().enumerate() {
             at_node[line.from].push(k);

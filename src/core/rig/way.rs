@@ -117,6 +117,15 @@ impl Rig {
         0.0
     }
 
+    /// What the position of a sensor counts along, in words: `from the supply`; in a network `along branch`.
+    pub fn along_words(&self, sensor: &str) -> String {
+        let line = self.sensors.iter().find(|s| s.name == sensor).map(|s| s.line);
+        match line.filter(|_| self.graph.lines.len() > 1) {
+            Some(line) => format!("along {}", self.pipes_of(line)[0].name),
+            None => "from the supply".to_owned(),
+        }
+    }
+
     /// Elevation of a sensor, m: its own, or that of the pipe's axis at its place.
     pub fn sensor_elevation_m(&self, sensor: &Sensor) -> f64 {
         sensor.elevation_m.unwrap_or_else(|| self.elevation_m(sensor.place()))
