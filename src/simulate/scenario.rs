@@ -1,12 +1,13 @@
 //! A run that is only simulated: a rig, effects and settings by name, as `simulate` and `record --simulate` take them.
 
+use std::collections::BTreeMap;
 use std::error::Error;
 
 use crate::model::boundary::Closure;
 use crate::model::effects::{CATALOGUE, Chosen, Effect, Site, pipe_is_no_setting};
 use crate::model::energy::Energy;
 use crate::model::friction::WallFriction;
-use crate::model::line_flows::way_loss_m;
+use crate::model::line_flows::{line_flows, way_loss_m};
 use crate::model::parameter::Parameter;
 use crate::model::trace::{Probe, Trace};
 use crate::model::{Conditions, Model, ModelError, Resolution, RunValues, Simulated};
@@ -168,19 +169,23 @@ impl Scenario {
         };
         let mut used = self.values();
         used.retain(|(name, _)| name != "friction_scale");
-        let flow_m3_s = self.run.initial_velocity_m_s * self.rig.pipe_at_valve().area_m2();
-        for pipe in &self.rig.pipes {
-            let velocity = flow_m3_s / pipe.area_m2();
-            let slope = WallFriction::of(pipe, &self.water, flow_m3_s)
-                .scaled(self.run.friction_scale)
-                .slope(pipe.inner_diameter_m, flow_m3_s);
-            let factor = slope * 2.0 * GRAVITY_M_S2 * pipe.inner_diameter_m / (velocity * velocity);
-            let several = if self.rig.pipes.len() > 1 { format!("[{}]", pipe.name) } else { String::new() };
-            used.push((format!("friction_factor{several}"), factor));
+        let valve_m3_s = self.run.initial_velocity_m_s * self.rig.pipe_at_valve().area_m2();
+        // Where nothing flows there is no friction factor.
+        let flows = line_flows(&self.rig, &self.water, valve_m3_s, self.run.friction_scale).unwrap_or_default();
+        for (flow_m3_s, line) in flows.into_iter().zip(&self.rig.graph.lines) {
+            for pipe in &self.rig.pipes[line.pipes.clone()] {
+                let velocity = flow_m3_s / pipe.area_m2();
+                let slope = WallFriction::of(pipe, &self.water, flow_m3_s)
+                    .scaled(self.run.friction_scale)
+                    .slope(pipe.inner_diameter_m, flow_m3_s);
+                let factor = slope * 2.0 * GRAVITY_M_S2 * pipe.inner_diameter_m / (velocity * velocity.abs());
+                let several = if self.rig.pipes.len() > 1 { format!("[{}]", pipe.name) } else { String::new() };
+                used.push((format!("friction_factor{several}"), factor));
+            }
         }
         used.push(("reaches".to_owned(), self.reaches as f64));
         used.retain(|(name, value)| value.is_finite() && !set(name));
-        used
+        in_short(used)
     }
 
     /// Theoretical period `4L/a`, s.
@@ -233,6 +238,24 @@ impl Scenario {
     pub fn displayed(&self, sensor: usize, head_m: f64) -> f64 {
         displayed(&self.rig, &self.rig.sensors[sensor], self.water.density_kg_m3, head_m)
     }
+}
+
+/// Names with what they are of in brackets become one, where their values are the same.
+fn in_short(used: Vec<(String, f64)>) -> Vec<(String, f64)> {
+    let group = |name: &str| name.split('[').next().unwrap_or(name).to_owned();
+    let mut groups: BTreeMap<String, Vec<f64>> = BTreeMap::new();
+    used.iter().for_each(|(name, value)| groups.entry(group(name)).or_default().push(*value));
+    let alike = |name: &str| groups[name].windows(2).all(|w| (w[1] / w[0] - 1.0).abs() < 1e-6);
+    let mut short: Vec<(String, f64)> = Vec::new();
+    for (name, value) in used {
+        let all = group(&name);
+        if !alike(&all) {
+            short.push((name, value));
+        } else if short.last().is_none_or(|(last, _)| *last != all) {
+            short.push((all, value));
+        }
+    }
+    short
 }
 
 /// A head at a sensor in the sensor's unit.

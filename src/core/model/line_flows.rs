@@ -95,6 +95,20 @@ impl<'a> System<'a> {
         network.flows(|k, q| if k < lines { line_loss(k, q) } else { self.loss(k, q) })
     }
 
+    /// Flow in every line, m³/s, from the pipes' friction alone, which `scale` multiplies.
+    ///
+    /// # Errors
+    /// [`ModelError::NoSteadyFlow`].
+    pub(crate) fn line_flows(&self, rig: &Rig, water: &WaterProperties, scale: f64) -> Result<Vec<f64>, ModelError> {
+        let mut flows = self.flows(&vec![0.0; self.links.len()], |k, q| {
+            let loss = |q: f64| rig.pipes_of(k).iter().map(|p| loss_m(p, water, q)).sum::<f64>() * scale;
+            let (here, step) = (loss(q), 1e-6 * q.abs().max(1e-6 * self.usual_m3_s[k]));
+            (here, (loss(q + step) - here) / step)
+        })?;
+        flows.truncate(self.graph.lines.len());
+        Ok(flows)
+    }
+
     /// Head that a link after the lines takes, m, and its slope.
     pub(crate) fn loss(&self, link: usize, flow_m3_s: f64) -> (f64, f64) {
         steady_loss(&self.graph.nodes[self.passed[link - self.graph.lines.len()]].kind, flow_m3_s)
@@ -106,14 +120,7 @@ impl<'a> System<'a> {
 /// # Errors
 /// [`ModelError::NoSteadyFlow`].
 pub fn line_flows(rig: &Rig, water: &WaterProperties, valve_m3_s: f64, scale: f64) -> Result<Vec<f64>, ModelError> {
-    let system = System::new(rig, valve_m3_s);
-    let mut flows = system.flows(&vec![0.0; system.links.len()], |k, q| {
-        let loss = |q: f64| rig.pipes_of(k).iter().map(|p| loss_m(p, water, q)).sum::<f64>() * scale;
-        let (here, step) = (loss(q), 1e-6 * q.abs().max(1e-6 * system.usual_m3_s[k]));
-        (here, (loss(q + step) - here) / step)
-    })?;
-    flows.truncate(rig.graph.lines.len());
-    Ok(flows)
+    System::new(rig, valve_m3_s).line_flows(rig, water, scale)
 }
 
 /// Head that friction takes from the supply to the valve while the valve passes `valve_m3_s`, m.

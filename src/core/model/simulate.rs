@@ -9,7 +9,7 @@ use crate::model::error::ModelError;
 use crate::model::friction::{ReachFriction, WallFriction};
 use crate::model::grid::{Grid, Stretch};
 use crate::model::laws::Laws;
-use crate::model::line_flows::{System, line_flows};
+use crate::model::line_flows::System;
 use crate::model::memory::Need;
 use crate::model::reaches::Travel;
 use crate::model::run::{Conditions, Resolution, RunValues, Simulated};
@@ -107,7 +107,8 @@ impl Model<'_> {
         self.check(shared, run)?;
         let graph = &self.rig.graph;
         let flow_m3_s = run.initial_velocity_m_s * self.rig.pipe_at_valve().area_m2();
-        let line_m3_s = line_flows(self.rig, &conditions.water, flow_m3_s, run.friction_scale)?;
+        let system = System::new(self.rig, flow_m3_s);
+        let line_m3_s = system.line_flows(self.rig, &conditions.water, run.friction_scale)?;
         let needed = self.pipes_travel_s(shared).least_reaches();
         if resolution.reaches < needed {
             return Err(ModelError::TooFewReaches { reaches: resolution.reaches, needed });
@@ -131,7 +132,6 @@ impl Model<'_> {
         };
         let Attached { grid, mut nodes, mut spread, owners } = attach(self, grid, shared, &scene)?;
         let frictions = reach_frictions(&grid, resolution.reaches, &line_m3_s, flow_m3_s)?;
-        let system = System::new(self.rig, flow_m3_s);
         let before = Given { grid: &grid, system: &system, frictions: &frictions, valve_head_m: run.valve_head_m };
         let Found { head_m, flow_m3_s: flows, at_m, link_m3_s } = before.settle(&mut nodes, &mut spread)?;
         let starts = grid.segments.iter().map(|s| Place { line: s.line, position_m: s.start_m }).collect();

@@ -134,15 +134,27 @@ fn least_degree(mut near: Vec<Vec<usize>>) -> Vec<usize> {
         next += 1;
         let own = std::mem::take(&mut near[node]);
         for &other in &own {
-            let mut both = Vec::with_capacity(near[other].len() + own.len());
-            both.extend(near[other].iter().chain(&own).copied().filter(|&n| n != node && n != other));
-            both.sort_unstable();
-            both.dedup();
+            let both = merged(&near[other], &own, [node, other]);
             open.push(Reverse((both.len(), other)));
             near[other] = both;
         }
     }
     place
+}
+
+/// Two ascending lists as one, without two of their numbers.
+fn merged(a: &[usize], b: &[usize], without: [usize; 2]) -> Vec<usize> {
+    let mut both = Vec::with_capacity(a.len() + b.len());
+    let (mut i, mut j) = (0, 0);
+    while i < a.len() || j < b.len() {
+        let (x, y) = (a.get(i).copied().unwrap_or(NONE), b.get(j).copied().unwrap_or(NONE));
+        let least = x.min(y);
+        (i, j) = (i + usize::from(x == least), j + usize::from(y == least));
+        if least != without[0] && least != without[1] {
+            both.push(least);
+        }
+    }
+    both
 }
 
 #[cfg(test)]
