@@ -1,6 +1,5 @@
 //! A run that is only simulated: a rig, effects and settings by name, as `simulate` and `record --simulate` take them.
 
-use std::collections::BTreeMap;
 use std::error::Error;
 
 use crate::model::boundary::Closure;
@@ -22,6 +21,9 @@ const REACHES: usize = 240;
 const VELOCITY_M_S: f64 = 1.0;
 /// Head at the supply where nothing gives one, m.
 const SUPPLY_HEAD_M: f64 = 30.0;
+
+/// Of more values of one name only the least and the largest are told.
+const MOST_TOLD: usize = 6;
 
 /// Names less alike than this (Jaro-Winkler) are no slips of one another.
 const ALIKE: f64 = 0.75;
@@ -185,7 +187,7 @@ impl Scenario {
         }
         used.push(("reaches".to_owned(), self.reaches as f64));
         used.retain(|(name, value)| value.is_finite() && !set(name));
-        in_short(used)
+        in_short(&used)
     }
 
     /// Theoretical period `4L/a`, s.
@@ -240,19 +242,19 @@ impl Scenario {
     }
 }
 
-/// Names with what they are of in brackets become one, where their values are the same.
-fn in_short(used: Vec<(String, f64)>) -> Vec<(String, f64)> {
-    let group = |name: &str| name.split('[').next().unwrap_or(name).to_owned();
-    let mut groups: BTreeMap<String, Vec<f64>> = BTreeMap::new();
-    used.iter().for_each(|(name, value)| groups.entry(group(name)).or_default().push(*value));
-    let alike = |name: &str| groups[name].windows(2).all(|w| (w[1] / w[0] - 1.0).abs() < 1e-6);
-    let mut short: Vec<(String, f64)> = Vec::new();
-    for (name, value) in used {
-        let all = group(&name);
-        if !alike(&all) {
-            short.push((name, value));
-        } else if short.last().is_none_or(|(last, _)| *last != all) {
-            short.push((all, value));
+/// Values of one name that differ by what stands in brackets: one where they are alike, the least and the largest of many.
+fn in_short(used: &[(String, f64)]) -> Vec<(String, f64)> {
+    let group = |(name, _): &(String, f64)| name.split('[').next().unwrap_or(name).to_owned();
+    let mut short = Vec::new();
+    for own in used.chunk_by(|a, b| group(a) == group(b)) {
+        let by_value = |a: &&(String, f64), b: &&(String, f64)| a.1.total_cmp(&b.1);
+        let (Some(least), Some(most)) = (own.iter().min_by(by_value), own.iter().max_by(by_value)) else { continue };
+        if own.len() > 1 && (most.1 - least.1).abs() <= 1e-6 * most.1.abs() {
+            short.push((group(least), least.1));
+        } else if own.len() > MOST_TOLD {
+            short.extend([(format!("{}(least)", least.0), least.1), (format!("{}(largest)", most.0), most.1)]);
+        } else {
+            short.extend_from_slice(own);
         }
     }
     short
