@@ -3,7 +3,7 @@
 
 use crate::model::error::ModelError;
 use crate::model::friction::WallFriction;
-use crate::model::network::Network;
+use crate::model::network::{Drawn, Network};
 use crate::model::passage::steady_loss;
 use crate::rig::{Graph, NodeKind, Pipe, Regime, Rig, WaterProperties, at_time};
 
@@ -15,14 +15,12 @@ const USUAL_M_S: f64 = 0.3;
 /// Links between heads. The first heads are those of the graph's nodes, before what is there; then come those behind nodes that are passed.
 pub(crate) struct System<'a> {
     pub graph: &'a Graph,
-    /// Heads at the beginning and at the end of each link: the lines, then the nodes that are passed.
-    pub links: Vec<(usize, usize)>,
+    /// Links, the lines and then the nodes that are passed, and the heads that are held, as the rig file has them.
+    pub network: Network,
     /// The node that each link after the lines is.
     pub passed: Vec<usize>,
     /// The head behind each node that is passed.
     pub behind: Vec<Option<usize>>,
-    /// Heads that are held, as the rig file has them, m.
-    pub held_m: Vec<Option<f64>>,
     /// Flow drawn at each head, m³/s.
     pub drawn_m3_s: Vec<f64>,
     /// A flow of the size that is usual in each link, m³/s.
@@ -72,7 +70,8 @@ impl<'a> System<'a> {
         }
         let of_lines = (0..graph.lines.len()).map(|k| USUAL_M_S * rig.pipes_of(k)[0].area_m2());
         let usual_m3_s = of_lines.chain(passed.iter().map(|&n| USUAL_M_S * near_m2[n])).collect();
-        System { graph, links, passed, behind, held_m, drawn_m3_s, usual_m3_s }
+        let network = Network::new(links, held_m);
+        System { graph, network, passed, behind, drawn_m3_s, usual_m3_s }
     }
 
     /// Flow at the end of each link, from the flow drawn along each line and the head that a line takes.
@@ -85,14 +84,8 @@ impl<'a> System<'a> {
         line_loss: impl Fn(usize, f64) -> (f64, f64),
     ) -> Result<Vec<f64>, ModelError> {
         let lines = self.graph.lines.len();
-        let network = Network {
-            links: &self.links,
-            held_m: &self.held_m,
-            drawn_m3_s: &self.drawn_m3_s,
-            taken_m3_s,
-            usual_m3_s: &self.usual_m3_s,
-        };
-        network.flows(|k, q| if k < lines { line_loss(k, q) } else { self.loss(k, q) })
+        let drawn = Drawn { nodes_m3_s: &self.drawn_m3_s, links_m3_s: taken_m3_s, usual_m3_s: &self.usual_m3_s };
+        self.network.flows(&drawn, |k, q| if k < lines { line_loss(k, q) } else { self.loss(k, q) })
     }
 
     /// Flow in every line, m³/s, from the pipes' friction alone, which `scale` multiplies.
@@ -100,7 +93,7 @@ impl<'a> System<'a> {
     /// # Errors
     /// [`ModelError::NoSteadyFlow`].
     pub(crate) fn line_flows(&self, rig: &Rig, water: &WaterProperties, scale: f64) -> Result<Vec<f64>, ModelError> {
-        let mut flows = self.flows(&vec![0.0; self.links.len()], |k, q| {
+        let mut flows = self.flows(&vec![0.0; self.network.links.len()], |k, q| {
             let loss = |q: f64| rig.pipes_of(k).iter().map(|p| loss_m(p, water, q)).sum::<f64>() * scale;
             let (here, step) = (loss(q), 1e-6 * q.abs().max(1e-6 * self.usual_m3_s[k]));
             (here, (loss(q + step) - here) / step)

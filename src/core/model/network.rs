@@ -7,16 +7,31 @@
 use crate::model::error::ModelError;
 use crate::model::sparse::Symmetric;
 
-/// What is to be solved.
-pub(crate) struct Network<'a> {
+/// Links between nodes, with the order in which they are solved.
+pub(crate) struct Network {
     /// Nodes at the beginning and at the end of each link.
-    pub links: &'a [(usize, usize)],
+    pub links: Vec<(usize, usize)>,
     /// Head at each node that holds one, m.
-    pub held_m: &'a [Option<f64>],
+    pub held_m: Vec<Option<f64>>,
+    /// Links that carry what is drawn behind them, in an order in which that is known, each with the node behind it.
+    tree: Vec<(usize, usize)>,
+    /// The other links.
+    core: Vec<usize>,
+    /// Number of each node among those of the core that hold no head.
+    number: Vec<usize>,
+    /// Those nodes.
+    free: Vec<usize>,
+    /// The links of the core between two of them, by their index in it.
+    inner: Vec<usize>,
+    system: Symmetric,
+}
+
+/// What flows.
+pub(crate) struct Drawn<'a> {
     /// Flow drawn from each node, m³/s.
-    pub drawn_m3_s: &'a [f64],
+    pub nodes_m3_s: &'a [f64],
     /// Flow drawn along each link, m³/s.
-    pub taken_m3_s: &'a [f64],
+    pub links_m3_s: &'a [f64],
     /// A flow of the size that is usual in each link, m³/s.
     pub usual_m3_s: &'a [f64],
 }
@@ -28,37 +43,47 @@ const NEAR: f64 = 1e-9;
 /// Least slope of a link's loss, as a share of that at its usual flow: at rest a quadratic law has none.
 const LEAST_SLOPE: f64 = 1e-9;
 
-impl Network<'_> {
-    /// Flow at the end of each link, m³/s; `loss(link, flow)` is the head that a link takes, m, and its slope.
-    ///
-    /// # Errors
-    /// [`ModelError::NoSteadyFlow`] if the iteration does not end.
-    pub(crate) fn flows(&self, loss: impl Fn(usize, f64) -> (f64, f64)) -> Result<Vec<f64>, ModelError> {
-        let mut flows = vec![f64::NAN; self.links.len()];
-        let mut drawn = self.drawn_m3_s.to_vec();
-        let core = self.prune(&mut flows, &mut drawn);
-        if core.is_empty() {
-            return Ok(flows);
-        }
-        // Nodes of the core that hold no head.
-        let mut number = vec![usize::MAX; self.held_m.len()];
+impl Network {
+    /// Prepares links between nodes, of which some hold a head, m.
+    pub(crate) fn new(links: Vec<(usize, usize)>, held_m: Vec<Option<f64>>) -> Network {
+        let (tree, core) = prune(&links, &held_m);
+        let mut number = vec![usize::MAX; held_m.len()];
         let mut free = Vec::new();
-        for node in core.iter().flat_map(|&k| [self.links[k].0, self.links[k].1]) {
-            if self.held_m[node].is_none() && number[node] == usize::MAX {
+        for node in core.iter().flat_map(|&k| [links[k].0, links[k].1]) {
+            if held_m[node].is_none() && number[node] == usize::MAX {
                 number[node] = free.len();
                 free.push(node);
             }
         }
-        let inner: Vec<usize> = (0..core.len())
-            .filter(|&i| {
-                let (a, b) = self.links[core[i]];
-                self.held_m[a].is_none() && self.held_m[b].is_none()
-            })
-            .collect();
-        let edges: Vec<(usize, usize)> =
-            inner.iter().map(|&i| (number[self.links[core[i]].0], number[self.links[core[i]].1])).collect();
-        let system = Symmetric::new(free.len(), &edges);
-        let mut q: Vec<f64> = core.iter().map(|&k| self.usual_m3_s[k]).collect();
+        let is_inner = |&i: &usize| held_m[links[core[i]].0].is_none() && held_m[links[core[i]].1].is_none();
+        let inner: Vec<usize> = (0..core.len()).filter(is_inner).collect();
+        let edge = |&i: &usize| (number[links[core[i]].0], number[links[core[i]].1]);
+        let system = Symmetric::new(free.len(), &inner.iter().map(edge).collect::<Vec<_>>());
+        Network { links, held_m, tree, core, number, free, inner, system }
+    }
+
+    /// Flow at the end of each link, m³/s; `loss(link, flow)` is the head that a link takes, m, and its slope.
+    ///
+    /// # Errors
+    /// [`ModelError::NoSteadyFlow`] if the iteration does not end.
+    pub(crate) fn flows(&self, by: &Drawn, loss: impl Fn(usize, f64) -> (f64, f64)) -> Result<Vec<f64>, ModelError> {
+        let Network { links, held_m, tree, core, number, free, inner, system } = self;
+        let mut flows = vec![f64::NAN; links.len()];
+        let mut drawn = by.nodes_m3_s.to_vec();
+        for &(k, node) in tree {
+            let (a, b) = links[k];
+            if node == b {
+                flows[k] = drawn[b];
+                drawn[a] += flows[k] + by.links_m3_s[k];
+            } else {
+                flows[k] = -drawn[a] - by.links_m3_s[k];
+                drawn[b] -= flows[k];
+            }
+        }
+        if core.is_empty() {
+            return Ok(flows);
+        }
+        let mut q: Vec<f64> = core.iter().map(|&k| by.usual_m3_s[k]).collect();
         let least: Vec<f64> = core.iter().zip(&q).map(|(&k, &q)| LEAST_SLOPE * loss(k, q).1.abs()).collect();
         let (mut best, mut since) = (f64::INFINITY, 0);
         let (mut before, mut part): (f64, f64) = (f64::INFINITY, 1.0);
@@ -71,22 +96,22 @@ impl Network<'_> {
                 let (drop_m, slope) = loss(k, q);
                 let p = 1.0 / slope.max(least);
                 let c = q - p * drop_m;
-                let (a, b) = self.links[k];
-                for (node, other, c) in [(a, b, -(c + self.taken_m3_s[k])), (b, a, c)] {
-                    if let (None, i) = (self.held_m[node], number[node]) {
+                let (a, b) = links[k];
+                for (node, other, c) in [(a, b, -(c + by.links_m3_s[k])), (b, a, c)] {
+                    if let (None, i) = (held_m[node], number[node]) {
                         diagonal[i] += p;
-                        heads[i] += c + self.held_m[other].map_or(0.0, |held| p * held);
+                        heads[i] += c + held_m[other].map_or(0.0, |held| p * held);
                     }
                 }
                 lines.push((c, p));
             }
             let off: Vec<f64> = inner.iter().map(|&i| -lines[i].1).collect();
             system.solve(&diagonal, &off, &mut heads);
-            let head = |node: usize| self.held_m[node].unwrap_or_else(|| heads[number[node]]);
+            let head = |node: usize| held_m[node].unwrap_or_else(|| heads[number[node]]);
             let mut steps = Vec::with_capacity(core.len());
             let (mut moved, mut whole) = (0.0, f64::MIN_POSITIVE);
             for ((&k, q), (c, p)) in core.iter().zip(&q).zip(lines) {
-                let next = c + p * (head(self.links[k].0) - head(self.links[k].1));
+                let next = c + p * (head(links[k].0) - head(links[k].1));
                 moved += (next - *q).abs();
                 whole += next.abs();
                 steps.push(next - *q);
@@ -111,36 +136,30 @@ impl Network<'_> {
         core.iter().zip(q).for_each(|(&k, q)| flows[k] = q);
         Ok(flows)
     }
+}
 
-    /// Finds the flows in links at the end of which nothing but what is drawn there leaves, over and over; returns the rest.
-    fn prune(&self, flows: &mut [f64], drawn: &mut [f64]) -> Vec<usize> {
-        let mut at_node = vec![Vec::new(); self.held_m.len()];
-        for (k, &(a, b)) in self.links.iter().enumerate() {
-            at_node[a].push(k);
-            at_node[b].push(k);
-        }
-        let mut degree: Vec<usize> = at_node.iter().map(Vec::len).collect();
-        // With a single head that is held, nothing depends on it, and its links are pruned from the other side alone.
-        let mut open: Vec<usize> =
-            (0..degree.len()).filter(|&node| degree[node] == 1 && self.held_m[node].is_none()).collect();
-        while let Some(node) = open.pop() {
-            let Some(&k) = at_node[node].iter().find(|&&k| flows[k].is_nan()) else { continue };
-            let (a, b) = self.links[k];
-            let other = a + b - node;
-            if node == b {
-                flows[k] = drawn[b];
-                drawn[a] += flows[k] + self.taken_m3_s[k];
-            } else {
-                flows[k] = -drawn[a] - self.taken_m3_s[k];
-                drawn[b] -= flows[k];
-            }
-            degree[other] -= 1;
-            if degree[other] == 1 && self.held_m[other].is_none() {
-                open.push(other);
-            }
-        }
-        (0..self.links.len()).filter(|&k| flows[k].is_nan()).collect()
+/// The links at the end of which nothing but what is drawn there leaves, over and over, each with that end; and the rest.
+fn prune(links: &[(usize, usize)], held_m: &[Option<f64>]) -> (Vec<(usize, usize)>, Vec<usize>) {
+    let mut at_node = vec![Vec::new(); held_m.len()];
+    for (k, &(a, b)) in links.iter().enumerate() {
+        at_node[a].push(k);
+        at_node[b].push(k);
     }
+    let mut degree: Vec<usize> = at_node.iter().map(Vec::len).collect();
+    // With a single head that is held, nothing depends on it, and its links are pruned from the other side alone.
+    let mut open: Vec<usize> = (0..degree.len()).filter(|&node| degree[node] == 1 && held_m[node].is_none()).collect();
+    let (mut tree, mut gone) = (Vec::new(), vec![false; links.len()]);
+    while let Some(node) = open.pop() {
+        let Some(&k) = at_node[node].iter().find(|&&k| !gone[k]) else { continue };
+        let other = links[k].0 + links[k].1 - node;
+        tree.push((k, node));
+        gone[k] = true;
+        degree[other] -= 1;
+        if degree[other] == 1 && held_m[other].is_none() {
+            open.push(other);
+        }
+    }
+    (tree, (0..links.len()).filter(|&k| !gone[k]).collect())
 }
 
 #[cfg(test)]
@@ -151,15 +170,11 @@ mod tests {
     #[test]
     fn a_loop_shares_its_flow_and_a_tree_carries_what_is_drawn() {
         let links = [(0, 1), (0, 1), (1, 2), (3, 1)];
-        let network = Network {
-            links: &links,
-            held_m: &[Some(50.0), None, None, None],
-            drawn_m3_s: &[0.0, 0.1, 0.5, 0.2],
-            taken_m3_s: &[0.0, 0.0, 0.01, 0.0],
-            usual_m3_s: &[0.3; 4],
-        };
+        let network = Network::new(links.to_vec(), vec![Some(50.0), None, None, None]);
+        let (nodes_m3_s, links_m3_s) = (&[0.0, 0.1, 0.5, 0.2], &[0.0, 0.0, 0.01, 0.0]);
+        let drawn = Drawn { nodes_m3_s, links_m3_s, usual_m3_s: &[0.3; 4] };
         let r = [1.0, 4.0, 1.0, 1.0];
-        let flows = network.flows(|k, q| (r[k] * q * q.abs(), 2.0 * r[k] * q.abs())).unwrap();
+        let flows = network.flows(&drawn, |k, q| (r[k] * q * q.abs(), 2.0 * r[k] * q.abs())).unwrap();
         assert_eq!(flows[2..], [0.5, -0.2]);
         assert!((flows[0] + flows[1] - 0.81).abs() < 1e-14 && (flows[0] / flows[1] - 2.0).abs() < 1e-12, "{flows:?}");
     }
@@ -168,15 +183,10 @@ mod tests {
     #[test]
     fn three_reservoirs_meet_at_the_junction_of_zero_sum() {
         let held = [Some(120.0), Some(100.0), Some(80.0), None];
-        let network = Network {
-            links: &[(0, 3), (1, 3), (2, 3)],
-            held_m: &held,
-            drawn_m3_s: &[0.0; 4],
-            taken_m3_s: &[0.0; 3],
-            usual_m3_s: &[0.1; 3],
-        };
+        let network = Network::new(vec![(0, 3), (1, 3), (2, 3)], held.to_vec());
+        let drawn = Drawn { nodes_m3_s: &[0.0; 4], links_m3_s: &[0.0; 3], usual_m3_s: &[0.1; 3] };
         let r = [160.0, 400.0, 900.0];
-        let flows = network.flows(|k, q| (r[k] * q * q.abs(), 2.0 * r[k] * q.abs())).unwrap();
+        let flows = network.flows(&drawn, |k, q| (r[k] * q * q.abs(), 2.0 * r[k] * q.abs())).unwrap();
         let into = |head: f64| {
             let of = |k: usize| held[k].map_or(0.0, |h: f64| (h - head).signum() * ((h - head).abs() / r[k]).sqrt());
             of(0) + of(1) + of(2)
@@ -219,9 +229,9 @@ mod tests {
         (held[9], held[10]) = (Some(800.0), Some(970.0));
         let drawn = [0.0, 150.0, 150.0, 100.0, 150.0, 200.0, 150.0, 100.0, 100.0, 0.0, 0.0].map(|q: f64| q * GPM);
         let ends: Vec<(usize, usize)> = links.iter().map(|l| (l.0, l.1)).collect();
-        let network =
-            Network { links: &ends, held_m: &held, drawn_m3_s: &drawn, taken_m3_s: &[0.0; 13], usual_m3_s: &[1.0; 13] };
-        let flows = network.flows(|k, q| {
+        let network = Network::new(ends, held.to_vec());
+        let drawn = Drawn { nodes_m3_s: &drawn, links_m3_s: &[0.0; 13], usual_m3_s: &[1.0; 13] };
+        let flows = network.flows(&drawn, |k, q| {
             let (_, _, length, inches, _) = links[k];
             if length == 0.0 {
                 // One point of 1500 gpm and 250 ft; EPANET's shutoff head is 1.33334 of its head, and no head is left at twice its flow.

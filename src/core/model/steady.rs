@@ -82,11 +82,11 @@ impl Given<'_> {
         let joints = |line: usize| grid.lines[line].start..grid.lines[line].end - 1;
         let mut taken: Vec<f64> =
             (0..grid.lines.len()).map(|k| joints(k).rev().map(|s| nodes[s].taken_m3_s).sum()).collect();
-        taken.resize(system.links.len(), 0.0);
+        taken.resize(system.network.links.len(), 0.0);
         let mut found = Found {
             head_m: vec![self.valve_head_m; grid.nodes()],
             flow_m3_s: vec![0.0; grid.segments.len()],
-            at_m: vec![f64::NAN; system.held_m.len()],
+            at_m: vec![f64::NAN; system.network.held_m.len()],
             link_m3_s: system.flows(&taken, |k, q| self.loss(k, q, nodes))?,
         };
         self.heads(nodes, &mut found);
@@ -100,12 +100,12 @@ impl Given<'_> {
     fn heads(&self, nodes: &mut [Node], found: &mut Found) {
         let system = self.system;
         let lines = self.grid.lines.len();
-        let mut near = vec![Vec::new(); system.held_m.len()];
-        for (k, &(a, b)) in system.links.iter().enumerate() {
+        let mut near = vec![Vec::new(); system.network.held_m.len()];
+        for (k, &(a, b)) in system.network.links.iter().enumerate() {
             near[a].push(k);
             near[b].push(k);
         }
-        let mut done = vec![false; system.links.len()];
+        let mut done = vec![false; system.network.links.len()];
         let mut datum_m = None;
         let valve = system.graph.valve;
         let mut open = VecDeque::from([(valve, self.valve_head_m)]);
@@ -115,9 +115,9 @@ impl Given<'_> {
                     continue;
                 }
                 found.at_m[at] = head_m;
-                datum_m = datum_m.or(system.held_m[at].map(|held_m| head_m - held_m));
+                datum_m = datum_m.or(system.network.held_m[at].map(|held_m| head_m - held_m));
                 for &k in &near[at] {
-                    let ((a, b), q) = (system.links[k], found.link_m3_s[k]);
+                    let ((a, b), q) = (system.network.links[k], found.link_m3_s[k]);
                     if done[k] || (k >= lines && q.abs() < SHUT_M3_S) {
                         continue;
                     }
@@ -130,10 +130,10 @@ impl Given<'_> {
                 }
             }
             let unseen = |n: &usize| found.at_m[*n].is_nan();
-            let level = |n: usize| Some((n, system.held_m[n]? + datum_m.unwrap_or(0.0)));
+            let level = |n: usize| Some((n, system.network.held_m[n]? + datum_m.unwrap_or(0.0)));
             // Behind a shut valve without a supply, the head is that before it.
             let shut = || {
-                let mut passed = system.links[lines..].iter();
+                let mut passed = system.network.links[lines..].iter();
                 passed.find_map(|&(a, b)| match (found.at_m[a], found.at_m[b]) {
                     (head_m, other) if other.is_nan() && !head_m.is_nan() => Some((b, head_m)),
                     (other, head_m) if other.is_nan() && !head_m.is_nan() => Some((a, head_m)),
