@@ -66,7 +66,7 @@
 //! let run = RunValues { initial_velocity_m_s: 0.5, valve_head_m: 45.0, closing_time_s: 0.1, friction_scale: 0.0 };
 //! let conditions = Conditions::of(water);
 //! let resolution = Resolution { reaches: 100, duration_s: 1.0 };
-//! let traces = model.simulate(&conditions, &[395.0], &run, resolution, &[Probe::Head(rig.length_m())])?.traces;
+//! let traces = model.simulate(&conditions, &[395.0], &run, resolution, &[Probe::head(rig.length_m())])?.traces;
 //! let rise_m = traces[0].at(0.5) - traces[0].at(0.0);
 //! assert!((rise_m - 395.0 * 0.5 / 9.81).abs() < 1e-6);
 //! # Ok::<(), Box<dyn std::error::Error>>(())

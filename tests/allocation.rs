@@ -41,7 +41,7 @@ fn allocations(rig: &Rig, effects: &[Chosen], duration_s: f64, with_energy: bool
     let run = RunValues { initial_velocity_m_s: 0.3, valve_head_m: 40.0, closing_time_s: 0.1, friction_scale: 1.0 };
     let conditions = Conditions::of(water);
     let resolution = Resolution { reaches: 50, duration_s };
-    let probes = [Probe::Head(rig.length_m()), Probe::Flow(0.3 * rig.length_m())];
+    let probes = [Probe::head(rig.length_m()), Probe::flow(0.3 * rig.length_m())];
     let before = COUNT.with(Cell::get);
     let simulated = if with_energy {
         model.simulate_with_energy(&conditions, &shared, &run, resolution, &probes)
@@ -56,7 +56,7 @@ fn allocations(rig: &Rig, effects: &[Chosen], duration_s: f64, with_energy: bool
 fn stepping_allocates_nothing() {
     let rig = Rig::from_toml(include_str!("../rigs/imperial-pe.toml"), "imperial-pe.toml").unwrap();
     let variants = CATALOGUE.iter().flat_map(|e| std::iter::once(*e).chain(e.variants().iter().copied()));
-    let alone = variants.map(|effect| vec![Chosen { effect, elements: None, sensor: None }]);
+    let alone = variants.map(|effect| vec![Chosen { effect, elements: None, sensor: None, pipe: None }]);
     for effects in std::iter::once(vec![]).chain(alone) {
         for with_energy in [false, true] {
             let once = allocations(&rig, &effects, 10.0, with_energy);

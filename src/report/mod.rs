@@ -30,6 +30,7 @@ pub mod page;
 pub mod pest;
 pub mod prediction;
 pub mod rig_drawing;
+pub mod rig_plan;
 pub mod sensitivity;
 pub mod svg;
 pub mod temperature;

@@ -89,10 +89,7 @@ fn curves(stages: &[Stage]) -> String {
         let place = significant(fit.position_m, 4);
         let of = if several { format!(" · {}", escape(file)) } else { String::new() };
         let name = escape(&fit.name);
-        Some(format!(
-            "<h3>{name} <small>{place} m from the supply{of}</small></h3>\n{}",
-            sensor::pictures(&panel, stages)
-        ))
+        Some(format!("<h3>{name} <small>at {place} m{of}</small></h3>\n{}", sensor::pictures(&panel, stages)))
     })
     .collect()
 }

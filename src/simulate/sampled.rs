@@ -22,7 +22,7 @@ pub(crate) fn sampled(
     let density = scenario.water.density_kg_m3;
     let of_pressure: Vec<usize> = rig.pressure_sensors().map(|(i, _)| i).collect();
     let meters = || sensors.iter().filter(|&&i| rig.sensors[i].kind == SensorKind::Flow);
-    let probes: Vec<Probe> = meters().map(|&i| Probe::Flow(rig.sensors[i].position_m)).collect();
+    let probes: Vec<Probe> = meters().map(|&i| Probe::flow(rig.sensors[i].place())).collect();
     let flows = if probes.is_empty() { Vec::new() } else { scenario.probe(&probes, after_s)? };
     let mut flows = flows.into_iter();
     let row = |&index: &usize| {

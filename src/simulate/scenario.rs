@@ -3,9 +3,10 @@
 use std::error::Error;
 
 use crate::model::boundary::Closure;
-use crate::model::effects::{CATALOGUE, Chosen, Effect, Site};
+use crate::model::effects::{CATALOGUE, Chosen, Effect, Site, pipe_is_no_setting};
 use crate::model::energy::Energy;
 use crate::model::friction::WallFriction;
+use crate::model::line_flows::{line_flows, way_loss_m};
 use crate::model::parameter::Parameter;
 use crate::model::trace::{Probe, Trace};
 use crate::model::{Conditions, Model, ModelError, Resolution, RunValues, Simulated};
@@ -20,6 +21,9 @@ const REACHES: usize = 240;
 const VELOCITY_M_S: f64 = 1.0;
 /// Head at the supply where nothing gives one, m.
 const SUPPLY_HEAD_M: f64 = 30.0;
+
+/// Of more values of one name only the least and the largest are told.
+const MOST_TOLD: usize = 6;
 
 /// Names less alike than this (Jaro-Winkler) are no slips of one another.
 const ALIKE: f64 = 0.75;
@@ -108,13 +112,14 @@ impl Scenario {
             Some(n) if n >= 2.0 && n.fract() == 0.0 && n <= 1e7 => n as usize,
             Some(n) => return Err(format!("reaches = {n} must be a whole number from 2 to 10000000").into()),
         };
+        let reaches = model.fitting_reaches(&shared, reaches);
         let steady = rig.steady.first();
-        let area = rig.pipes[rig.pipes.len() - 1].area_m2();
+        let area = rig.pipe_at_valve().area_m2();
         let steady_velocity = steady.map(|s| s.flow_m3_s / area);
         let velocity = get("initial_velocity_m_s").or(steady_velocity).unwrap_or(VELOCITY_M_S);
         let friction_scale = get("friction_scale").unwrap_or(1.0);
         let supply_head = steady.and_then(|s| s.supply_head_m).unwrap_or(SUPPLY_HEAD_M);
-        let lost = loss_m(&rig, &water, velocity * area) * friction_scale;
+        let lost = way_loss_m(&rig, &water, velocity * area)? * friction_scale;
         let valve_head = match get("valve_head_m") {
             Some(head) => head,
             None if valve != ValveForm::Linear || supply_head - lost > rig.valve.discharge_head_m => supply_head - lost,
@@ -132,8 +137,6 @@ impl Scenario {
             closing_time_s: get("closing_time_s").unwrap_or(rig.valve.closing_time_s),
             friction_scale,
         };
-        let travel: Vec<f64> = rig.pipes.iter().zip(&shared).map(|(p, a)| p.length_m / a).collect();
-        let reaches = crate::model::reaches::fitting_reaches(&travel, reaches);
         Ok(Scenario { water, effects, valve, shared, run, reaches, rig })
     }
 
@@ -168,19 +171,23 @@ impl Scenario {
         };
         let mut used = self.values();
         used.retain(|(name, _)| name != "friction_scale");
-        let flow_m3_s = self.run.initial_velocity_m_s * self.rig.pipes[self.rig.pipes.len() - 1].area_m2();
-        for pipe in &self.rig.pipes {
-            let velocity = flow_m3_s / pipe.area_m2();
-            let slope = WallFriction::of(pipe, &self.water, flow_m3_s)
-                .scaled(self.run.friction_scale)
-                .slope(pipe.inner_diameter_m, flow_m3_s);
-            let factor = slope * 2.0 * GRAVITY_M_S2 * pipe.inner_diameter_m / (velocity * velocity);
-            let several = if self.rig.pipes.len() > 1 { format!("[{}]", pipe.name) } else { String::new() };
-            used.push((format!("friction_factor{several}"), factor));
+        let valve_m3_s = self.run.initial_velocity_m_s * self.rig.pipe_at_valve().area_m2();
+        // Where nothing flows there is no friction factor.
+        let flows = line_flows(&self.rig, &self.water, valve_m3_s, self.run.friction_scale).unwrap_or_default();
+        for (flow_m3_s, line) in flows.into_iter().zip(&self.rig.graph.lines) {
+            for pipe in &self.rig.pipes[line.pipes.clone()] {
+                let velocity = flow_m3_s / pipe.area_m2();
+                let slope = WallFriction::of(pipe, &self.water, flow_m3_s)
+                    .scaled(self.run.friction_scale)
+                    .slope(pipe.inner_diameter_m, flow_m3_s);
+                let factor = slope * 2.0 * GRAVITY_M_S2 * pipe.inner_diameter_m / (velocity * velocity.abs());
+                let several = if self.rig.pipes.len() > 1 { format!("[{}]", pipe.name) } else { String::new() };
+                used.push((format!("friction_factor{several}"), factor));
+            }
         }
         used.push(("reaches".to_owned(), self.reaches as f64));
         used.retain(|(name, value)| value.is_finite() && !set(name));
-        used
+        in_short(&used)
     }
 
     /// Theoretical period `4L/a`, s.
@@ -201,7 +208,7 @@ impl Scenario {
     /// # Errors
     /// As [`Model::simulate`].
     pub fn simulate_with(&self, duration_s: f64, energy: bool) -> Result<(Vec<Trace>, Option<Energy>), ModelError> {
-        let probes: Vec<Probe> = self.rig.pressure_sensors().map(|(_, s)| Probe::Head(s.position_m)).collect();
+        let probes: Vec<Probe> = self.rig.pressure_sensors().map(|(_, s)| Probe::head(s.place())).collect();
         let simulated = self.run_model(&probes, duration_s, energy)?;
         let model = self.model();
         let sensors = self.rig.pressure_sensors().zip(simulated.traces);
@@ -233,6 +240,24 @@ impl Scenario {
     pub fn displayed(&self, sensor: usize, head_m: f64) -> f64 {
         displayed(&self.rig, &self.rig.sensors[sensor], self.water.density_kg_m3, head_m)
     }
+}
+
+/// Values of one name that differ by what stands in brackets: one where they are alike, the least and the largest of many.
+fn in_short(used: &[(String, f64)]) -> Vec<(String, f64)> {
+    let group = |(name, _): &(String, f64)| name.split('[').next().unwrap_or(name).to_owned();
+    let mut short = Vec::new();
+    for own in used.chunk_by(|a, b| group(a) == group(b)) {
+        let by_value = |a: &&(String, f64), b: &&(String, f64)| a.1.total_cmp(&b.1);
+        let (Some(least), Some(most)) = (own.iter().min_by(by_value), own.iter().max_by(by_value)) else { continue };
+        if own.len() > 1 && (most.1 - least.1).abs() <= 1e-6 * most.1.abs() {
+            short.push((group(least), least.1));
+        } else if own.len() > MOST_TOLD {
+            short.extend([(format!("{}(least)", least.0), least.1), (format!("{}(largest)", most.0), most.1)]);
+        } else {
+            short.extend_from_slice(own);
+        }
+    }
+    short
 }
 
 /// A head at a sensor in the sensor's unit.
@@ -273,6 +298,8 @@ fn check_names(model: &Model, water: &WaterProperties, settings: &[(String, f64)
         "it is a time on a recording's clock, but here time 0 is the start of the closure: leave it out".to_owned()
     } else if name == "offset_m" || name.starts_with("offset_m[") {
         "it belongs to recorded sensors; simulated ones have no offset: leave it out".to_owned()
+    } else if let Some(why) = pipe_is_no_setting(name) {
+        why
     } else if let Some((effect, elements)) = owner(name, model, water) {
         let label =
             if effect.elements().is_some() { format!("{}:{elements}", effect.name()) } else { effect.name().into() };
@@ -290,7 +317,8 @@ fn check_names(model: &Model, water: &WaterProperties, settings: &[(String, f64)
 
 /// The effect of the catalogue that has a parameter of this name, and its least number of elements with it.
 fn owner(name: &str, model: &Model, water: &WaterProperties) -> Option<(&'static dyn Effect, usize)> {
-    let site = Site { rig: model.rig, water, period_s: model.period_s(&starts(model)) };
+    let site =
+        Site { rig: model.rig, water, period_s: model.period_s(&starts(model)), line: model.rig.graph.line_to_valve() };
     let all = CATALOGUE.iter().flat_map(|e| std::iter::once(*e).chain(e.variants().iter().copied()));
     all.filter_map(|effect| {
         let mut elements = effect.elements().unwrap_or(1..=1);
@@ -302,11 +330,4 @@ fn owner(name: &str, model: &Model, water: &WaterProperties) -> Option<(&'static
 
 fn starts(model: &Model) -> Vec<f64> {
     model.shared.iter().map(|p| p.start).collect()
-}
-
-/// Steady loss over all pipes, m.
-fn loss_m(rig: &Rig, water: &WaterProperties, flow_m3_s: f64) -> f64 {
-    let of =
-        |p: &crate::rig::Pipe| WallFriction::of(p, water, flow_m3_s).slope(p.inner_diameter_m, flow_m3_s) * p.length_m;
-    rig.pipes.iter().map(of).sum()
 }

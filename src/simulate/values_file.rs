@@ -5,6 +5,7 @@
 use std::path::Path;
 
 use crate::model::constraint::Given;
+use crate::model::effects::pipe_is_no_setting;
 use crate::shown::Shown as _;
 use crate::text_file::read_text;
 
@@ -44,6 +45,9 @@ fn value(line: &str) -> Result<(String, f64), String> {
     if name.is_empty() {
         return Err("write it as NAME=VALUE".to_owned());
     }
+    if let Some(why) = pipe_is_no_setting(name) {
+        return Err(why);
+    }
     // Fortran programs may write an exponent with D.
     let number = text.replace(['D', 'd'], "E").parse().ok().filter(|v: &f64| v.is_finite());
     Ok((name.to_owned(), number.ok_or_else(|| format!("'{text}' is not a number"))?))
@@ -68,6 +72,10 @@ mod tests {
         for (text, said) in [
             ("a = 1\nb 2", "line 2: write it as NAME=VALUE"),
             ("a = ~a~", "line 1: '~a~' is not a number"),
+            (
+                "leak_pipe = branch",
+                "line 1: the pipe stands behind the effect's name: write leak@PIPE in option `effects`, PIPE being the name of the pipe",
+            ),
             ("a = 1\n#\na = 2", "line 3: a has a value already"),
         ] {
             assert_eq!(parse(text).unwrap_err(), said);

@@ -108,7 +108,7 @@ impl Made<'_> {
         let rig = Rig::from_toml(self.rig, "made.toml").unwrap();
         let water = rig.fluid.properties(rig.fluid.temperature_degc);
         let model = Model::new(&rig, &water, &parse_list(self.effects).unwrap());
-        let places: Vec<Probe> = rig.pressure_sensors().map(|(_, s)| Probe::Head(s.position_m)).collect();
+        let places: Vec<Probe> = rig.pressure_sensors().map(|(_, s)| Probe::head(s.place())).collect();
         let fine: Vec<f64> = (0..20_000).map(|i| f64::from(i) * self.duration_s / 20_000.0).collect();
         let supply_deviation = supply.map(|f| (fine.clone(), fine.iter().map(|&t| f(t)).collect()));
         let conditions = Conditions { supply_deviation, ..Conditions::of(water) };

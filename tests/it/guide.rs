@@ -27,6 +27,7 @@ pages! {
     readme "README.md"
     first_run "docs/src/first-run.md"
     rig "docs/src/rig.md"
+    networks "docs/src/networks.md"
     recording "docs/src/recording.md"
     devices "docs/src/devices.md"
     importing "docs/src/importing.md"

@@ -171,6 +171,7 @@ fn two_stages(samples: usize) -> (Fit, Fit) {
 
 fn rig(name: &str) -> Rig {
     let sensor = |name: &str, position_m: f64| Sensor {
+        line: 0,
         name: name.into(),
         kind: SensorKind::Pressure,
         position_m,
@@ -184,6 +185,7 @@ fn rig(name: &str) -> Rig {
         wiring: None,
     };
     Rig {
+        graph: surgescope_core::rig::Graph::in_series(1),
         name: name.into(),
         fluid: Fluid { name: "water".into(), temperature_degc: 20.0 },
         pipes: vec![Pipe {
@@ -299,9 +301,9 @@ fn the_page_tells_the_story_and_needs_no_network() {
     assert!(text.contains("data-own=\"kPa\""), "the switch says which units there are");
     assert!(!text.contains("max-height: 38rem"), "no table hides rows in a box of its own");
     assert_eq!(
-        text.matches("<svg xmlns").count(),
-        9,
-        "head of each sensor, and the residual of either model, without a script"
+        [text.matches("<svg xmlns").count(), text.matches("<figure class=\"drawn\"><svg").count()],
+        [10, 1],
+        "head of each sensor, and the residual of either model, without a script; and the rig"
     );
 }
 

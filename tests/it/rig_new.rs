@@ -191,6 +191,10 @@ fn a_rig_is_drawn_to_scale() {
     let said = within(&folder, &["rig", "show", text(Path::new(&crate::common::here("rigs/demo-hdpe.toml")))]).1;
     let valve = said.lines().nth(1).unwrap().find('X').unwrap();
     assert!(said.contains("P3 54.2 m") && valve == 70, "{said}");
+    // What branches off is drawn off the way: the sensor at the dead end stands above the tee, at x = 90 + 780 · 300/420.
+    done(&["rig", "show", "rigs/branched.toml", "--svg", text(&svg)]);
+    let drawn = std::fs::read_to_string(&svg).unwrap();
+    assert!(drawn.contains("cx=\"647.1\" cy=\"150.0\"") && drawn.contains("P3 83.0 m on branch"), "{drawn}");
     let refused =
         within(&folder, &["rig", "show", text(&crate::common::here("rigs/demo-hdpe.toml")), "--svg", "rig.toml"]);
     assert!(refused.0 == 2 && refused.2.contains("must be named .svg"), "{}", refused.2);

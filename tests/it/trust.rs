@@ -43,11 +43,11 @@ fn record(rig: &Rig) -> RunData {
     let conditions = Conditions::of(water);
     let resolution = Resolution { reaches: 400, duration_s: 3.5 };
     let simulated =
-        model.simulate(&conditions, &[360.0, 0.1, 0.05, 0.6, 40.0], &run, resolution, &[Probe::Head(60.0)]).unwrap();
+        model.simulate(&conditions, &[360.0, 0.1, 0.05, 0.6, 40.0], &run, resolution, &[Probe::head(60.0)]).unwrap();
     let mut noise = normal(7);
     let time_s: Vec<f64> = (0..3500).map(|i| f64::from(i) * 1e-3).collect();
     let head_m = time_s.iter().map(|t| simulated.traces[0].at(t - 0.5) + 0.05 * noise()).collect();
-    let meter = Meter { position_m: 0.0, flow_m3_s: simulated.steady_flow_m3_s(0.0), relative_sd: 0.01 };
+    let meter = Meter { place: 0.0.into(), flow_m3_s: simulated.steady_flow_m3_s(0.0), relative_sd: 0.01 };
     RunData {
         file: "run".into(),
         sensors: vec![SensorData {

@@ -189,7 +189,7 @@ impl Run<'_> {
         let conditions = Conditions::of(water);
         let duration_s = times.iter().copied().fold(0.0, f64::max);
         let resolution = Resolution { reaches: self.reaches, duration_s };
-        let probes = [Probe::Head(LENGTH_M), Probe::Head(0.25 * LENGTH_M)];
+        let probes = [Probe::head(LENGTH_M), Probe::head(0.25 * LENGTH_M)];
         let traces = model.simulate(&conditions, &shared, &run, resolution, &probes).unwrap().traces;
         let shown = model.sensed(&shared, &rig.sensors[0], traces[0].clone()).unwrap();
         [&shown, &traces[1]].iter().flat_map(|trace| times.iter().map(|&t| trace.at(t) - self.head_m)).collect()

@@ -65,7 +65,7 @@ pub(crate) fn scaled(
     };
     let conditions = Conditions::of(water);
     let resolution = Resolution { reaches, duration_s: if velocity > 1.0 { 0.8 } else { 0.3 } };
-    let probe = [Probe::Head(rig.pipes[0].length_m)];
+    let probe = [Probe::head(rig.pipes[0].length_m)];
     let trace = model.simulate(&conditions, &shared, &run, resolution, &probe).unwrap().traces.remove(0);
     trace.values.iter().enumerate().map(|(i, &h)| (trace.dt_s * i as f64, kpa(rig, h))).collect()
 }

@@ -42,7 +42,7 @@ fn shown(
     let shared = [&[WAVE_SPEED_M_S], values].concat();
     assert_eq!(shared.len(), model.shared.len(), "{effects}");
     let conditions = Conditions::of(water);
-    let probes = [Probe::Head(LENGTH_M)];
+    let probes = [Probe::head(LENGTH_M)];
     let simulated = model.simulate(&conditions, &shared, run, Resolution { reaches, duration_s }, &probes)?;
     model.sensed(&shared, &rig.sensors[0], simulated.traces[0].clone())
 }

@@ -45,7 +45,7 @@ impl<'a> Case<'a> {
         let shared: Vec<f64> = model.shared.iter().map(|p| p.start).collect();
         let conditions = Conditions { supply_deviation: self.supply_deviation.clone(), ..Conditions::of(self.water) };
         let resolution = Resolution { reaches: self.reaches, duration_s: periods * model.period_s(&shared) };
-        let probes = [Probe::Head(self.rig.length_m()), Probe::Head(0.4 * self.rig.length_m())];
+        let probes = [Probe::head(self.rig.length_m()), Probe::head(0.4 * self.rig.length_m())];
         let plain = model.simulate(&conditions, &shared, &self.run, resolution, &probes).unwrap();
         let booked = model.simulate_with_energy(&conditions, &shared, &self.run, resolution, &probes).unwrap();
         [plain, booked]
@@ -119,7 +119,7 @@ fn all_effects() -> Vec<&'static dyn Effect> {
 }
 
 fn chosen(effect: &'static dyn Effect) -> Chosen {
-    Chosen { effect, elements: None, sensor: None }
+    Chosen { effect, elements: None, sensor: None, pipe: None }
 }
 
 #[test]

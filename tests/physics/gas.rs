@@ -69,7 +69,7 @@ fn before_the_valve_moves_nothing_moves() {
         let shared = [&[1319.0], values].concat();
         let shut_late = |closing_time_s| Closure::FlowRamp { closing_time_s: 1e9 + closing_time_s };
         let run = Run { velocity: 1.0, head: 15.0, closure: shut_late, duration_s: 5.0, ..usual(effects, &shared) };
-        for trace in run.on(&rig, &[Probe::Head(37.23), Probe::Head(11.0), Probe::Flow(20.0)]) {
+        for trace in run.on(&rig, &[Probe::head(37.23), Probe::head(11.0), Probe::flow(20.0)]) {
             let moved = trace.values.iter().map(|v| (v - trace.values[0]).abs()).fold(0.0, f64::max);
             assert!(moved < 1e-8, "{effects}: {moved}");
         }
@@ -82,8 +82,8 @@ fn cavities_that_do_not_open_change_nothing() {
     let rig = plain();
     let head = |velocity| {
         let run = |effects, shared| Run { velocity, head: 2.0, ..usual(effects, shared) };
-        let with = run("vapour-cavity", &[1200.0, 2e-4]).on(&rig, &[Probe::Head(100.0), Probe::Head(40.0)]);
-        let without = run("none", &[1200.0]).on(&rig, &[Probe::Head(100.0), Probe::Head(40.0)]);
+        let with = run("vapour-cavity", &[1200.0, 2e-4]).on(&rig, &[Probe::head(100.0), Probe::head(40.0)]);
+        let without = run("none", &[1200.0]).on(&rig, &[Probe::head(100.0), Probe::head(40.0)]);
         let apart =
             |(a, b): (&Trace, &Trace)| a.values.iter().zip(&b.values).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         let least = without.iter().flat_map(|trace| &trace.values).copied().fold(f64::INFINITY, f64::min);
@@ -131,7 +131,7 @@ fn waves_in_gassy_water_have_wylies_speed() {
             reaches: 128,
             ..usual("entrained-gas", &shared)
         };
-        let found = period_s(&run.on(&rig, &[Probe::Head(100.0)])[0], head, period);
+        let found = period_s(&run.on(&rig, &[Probe::head(100.0)])[0], head, period);
         assert!((found / period - 1.0).abs() < 2e-3, "{gas_fraction} {head}: {found} {period}");
     }
 }
@@ -160,7 +160,7 @@ fn small_oscillations_on_a_pocket_have_their_exact_period() {
             reaches: 100,
             ..usual("air-pocket", &shared)
         };
-        let found = period_s(&run.on(&rig, &[Probe::Head(100.0)])[0], head, period);
+        let found = period_s(&run.on(&rig, &[Probe::head(100.0)])[0], head, period);
         assert!((found / period - 1.0).abs() < 1e-3, "{volume_ml} {exponent}: {found} {period}");
     }
 }
@@ -178,7 +178,7 @@ fn a_pocket_takes_in_and_gives_back_the_energy_of_the_column() {
     let shared = [1400.0, volume * 1e6, exponent];
     let shut = |_| Closure::FlowRamp { closing_time_s: 1e-9 };
     let run = Run { velocity, head, closure: shut, duration_s: 4.0, reaches: 200, ..usual("air-pocket", &shared) };
-    let trace = &run.on(&rig, &[Probe::Head(100.0)])[0];
+    let trace = &run.on(&rig, &[Probe::head(100.0)])[0];
     let work_j = |head: f64| {
         let y = head + y0 - 20.0;
         let v = volume * (y0 / y).powf(1.0 / exponent);
@@ -214,7 +214,7 @@ fn a_cavity_at_the_valve_lasts_as_long_as_it_must() {
     let last = |effects: &str, values: &[f64], reaches: usize| {
         let shared = [&[a], values].concat();
         let run = Run { velocity, head, closure: shut, duration_s: 1.2, reaches, ..usual(effects, &shared) };
-        let trace = run.on(&rig, &[Probe::Head(100.0)]).remove(0);
+        let trace = run.on(&rig, &[Probe::head(100.0)]).remove(0);
         let lowest = trace.values.iter().copied().fold(f64::MAX, f64::min);
         assert!(lowest > vapour_m - 1e-3, "{effects}: {lowest}");
         let full = (0..trace.values.len())
@@ -248,7 +248,7 @@ fn a_joint_is_a_node_like_any_other() {
     let whole = plain();
     let at = |rig: &Rig, effects: &str, shared: &[f64]| {
         let run = Run { velocity: 0.7, closing_s: 0.02, duration_s: 1.0, ..usual(effects, shared) };
-        run.on(rig, &[Probe::Head(100.0)]).remove(0)
+        run.on(rig, &[Probe::head(100.0)]).remove(0)
     };
     for (effects, values) in [("entrained-gas", [1e-5, 1e-4]), ("entrained-gas", [1e-3, 0.0])] {
         let one = at(&whole, effects, &[&[1000.0], &values[..]].concat());
@@ -263,7 +263,7 @@ fn what_gas_cannot_be_is_refused() {
     let rig = plain();
     let refusal = |effects: &str, values: &[f64], head: f64| {
         let shared = [&[1000.0], values].concat();
-        Run { head, ..usual(effects, &shared) }.try_on(&rig, &[Probe::Head(100.0)]).map(|_| ()).unwrap_err().to_string()
+        Run { head, ..usual(effects, &shared) }.try_on(&rig, &[Probe::head(100.0)]).map(|_| ()).unwrap_err().to_string()
     };
     assert!(refusal("entrained-gas", &[-1e-6, 0.0], 40.0).contains("gas_fraction"));
     assert!(refusal("entrained-gas", &[1.5, 0.0], 40.0).contains("gas_fraction"));

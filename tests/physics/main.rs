@@ -7,6 +7,7 @@ mod ends;
 mod energy;
 mod exact;
 mod gas;
+mod network;
 mod place;
 mod unsteady_friction;
 
@@ -84,7 +85,7 @@ fn simulate(problem: &Exact, reaches: usize, places: &[f64], times: &[f64]) -> V
         RunValues { initial_velocity_m_s: problem.velocity, valve_head_m: 30.0, closing_time_s, friction_scale: 1.0 };
     let duration_s = times.iter().copied().fold(0.0, f64::max);
     let conditions = Conditions::of(water);
-    let probes: Vec<Probe> = places.iter().map(|&x| Probe::Head(x)).collect();
+    let probes: Vec<Probe> = places.iter().map(|&x| Probe::head(x)).collect();
     let traces =
         model.simulate(&conditions, &shared, &run, Resolution { reaches, duration_s }, &probes).unwrap().traces;
     traces.iter().map(|trace| times.iter().map(|&t| trace.at(t) - 30.0).collect()).collect()
@@ -242,7 +243,7 @@ fn two_pipes(reaches: usize, times: &[f64]) -> Vec<f64> {
     let run = RunValues { initial_velocity_m_s: 1.0, valve_head_m: 50.0, closing_time_s: 0.02, friction_scale: 1.0 };
     let conditions = Conditions::of(water);
     let resolution = Resolution { reaches, duration_s: 2.0 };
-    let trace = model.simulate(&conditions, &[1200.0, 400.0], &run, resolution, &[Probe::Head(160.0)]).unwrap().traces;
+    let trace = model.simulate(&conditions, &[1200.0, 400.0], &run, resolution, &[Probe::head(160.0)]).unwrap().traces;
     times.iter().map(|&t| trace[0].at(t) - 50.0).collect()
 }
 
@@ -297,7 +298,7 @@ fn the_line_comes_to_rest_at_the_supplys_head() {
     let model = Model::new(&rig, &water, &effects);
     let run = RunValues { initial_velocity_m_s: 0.5, valve_head_m: 20.0, closing_time_s: 0.1, friction_scale: 1.0 };
     let conditions = Conditions::of(water);
-    let probes = [Probe::Head(100.0), Probe::Head(0.0), Probe::Flow(50.0)];
+    let probes = [Probe::head(100.0), Probe::head(0.0), Probe::flow(50.0)];
     let resolution = Resolution { reaches: 40, duration_s: 600.0 };
     let traces = model.simulate(&conditions, &[300.0, 0.5, 0.3], &run, resolution, &probes).unwrap().traces;
     let loss = 0.05 * 100.0 / 0.02 * 0.25 / (2.0 * 9.81);
@@ -326,7 +327,7 @@ fn the_steady_state_stays() {
             let conditions = Conditions::of(water);
             let resolution = Resolution { reaches: 60, duration_s: 20.0 };
             let traces =
-                model.simulate(&conditions, &[400.0], &run, resolution, &[Probe::Head(200.0), Probe::Head(90.0)]);
+                model.simulate(&conditions, &[400.0], &run, resolution, &[Probe::head(200.0), Probe::head(90.0)]);
             for trace in traces.unwrap().traces {
                 assert!(
                     (trace.at(20.0) - trace.at(0.0)).abs() < 1e-5,
@@ -377,7 +378,7 @@ fn a_measured_head_drives_the_line() {
     let resolution = Resolution { reaches: 50, duration_s: 4.0 };
     let with = |supply_deviation| {
         let conditions = Conditions { supply_deviation, ..Conditions::of(water) };
-        model.simulate(&conditions, &[400.0], &run, resolution, &[Probe::Head(100.0)]).map(|t| t.traces[0].clone())
+        model.simulate(&conditions, &[400.0], &run, resolution, &[Probe::head(100.0)]).map(|t| t.traces[0].clone())
     };
     assert!(with(None).unwrap_err().to_string().contains("position 0"));
     let constant = with(Some((vec![0.0, 4.0], vec![0.0, 0.0]))).unwrap();
@@ -388,7 +389,7 @@ fn a_measured_head_drives_the_line() {
     rig.upstream = surgescope_core::rig::Upstream::Reservoir;
     let conditions = Conditions::of(water);
     let reservoir =
-        Model::new(&rig, &water, &[]).simulate(&conditions, &[400.0], &run, resolution, &[Probe::Head(100.0)]).unwrap();
+        Model::new(&rig, &water, &[]).simulate(&conditions, &[400.0], &run, resolution, &[Probe::head(100.0)]).unwrap();
     assert_eq!(reservoir.traces[0], constant);
 }
 
@@ -402,7 +403,7 @@ fn what_cannot_be_simulated_is_said_before_the_run() {
     let attempt = |shared: &[f64], run: &RunValues, reaches: usize, duration_s: f64| {
         let conditions = Conditions::of(water);
         let resolution = Resolution { reaches, duration_s };
-        model.simulate(&conditions, shared, run, resolution, &[Probe::Head(100.0)]).map(|_| ()).unwrap_err().to_string()
+        model.simulate(&conditions, shared, run, resolution, &[Probe::head(100.0)]).map(|_| ()).unwrap_err().to_string()
     };
     let good = [400.0, 0.1, 0.1];
     assert!(attempt(&[-1.0, 0.1, 0.1], &fine, 50, 1.0).contains("wave_speed_m_s = -1"));

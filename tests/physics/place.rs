@@ -60,7 +60,7 @@ impl<'a> Case<'a> {
     /// Deviation of the head at the valve.
     fn head(&self, reaches: usize, times: &[f64]) -> Vec<f64> {
         let duration_s = times.iter().copied().fold(0.0, f64::max);
-        let simulated = self.run(reaches, duration_s, &[Probe::Head(LENGTH)]).unwrap();
+        let simulated = self.run(reaches, duration_s, &[Probe::head(LENGTH)]).unwrap();
         times.iter().map(|&t| simulated.traces[0].at(t) - HEAD).collect()
     }
 }
@@ -194,7 +194,7 @@ fn a_blockage_reflects_as_its_loss_says() {
     assert!((heads[0] / rise - 1.0).abs() < 1e-9);
     assert!(back > 0.0 && (heads[1] / (rise + 2.0 * back) - 1.0).abs() < 1e-9, "{heads:?} {back}");
     // The steady loss is K V²/2g.
-    let steady = case.run(100, 0.1, &[Probe::Head(0.0), Probe::Head(LENGTH)]).unwrap();
+    let steady = case.run(100, 0.1, &[Probe::head(0.0), Probe::head(LENGTH)]).unwrap();
     let lost = steady.traces[0].at(0.0) - steady.traces[1].at(0.0);
     assert!((lost - k * velocity * velocity / (2.0 * G)).abs() < 1e-9, "{lost}");
 }
@@ -242,7 +242,7 @@ fn the_supply_feeds_valve_and_leak() {
         friction: "friction_factor = 0.05",
         ..Case::sudden("leak", &values, velocity)
     };
-    let probes = [Probe::Flow(0.0), Probe::Head(x), Probe::Head(LENGTH)];
+    let probes = [Probe::flow(0.0), Probe::head(x), Probe::head(LENGTH)];
     let run = case.run(60, 400.0, &probes).unwrap();
     let leak = |head: f64| cda_mm2 * 1e-6 * (2.0 * G * head).sqrt();
     for (t, valve) in [(0.0, velocity * area()), (400.0, 0.0)] {
@@ -292,7 +292,7 @@ fn traces_move_smoothly_with_place_length_and_strength() {
 #[test]
 fn bad_values_are_refused_before_the_run() {
     let refused = |effect: &str, values: &[f64]| {
-        Case::sudden(effect, values, 0.5).run(40, 0.1, &[Probe::Head(LENGTH)]).map(|_| ()).unwrap_err().to_string()
+        Case::sudden(effect, values, 0.5).run(40, 0.1, &[Probe::head(LENGTH)]).map(|_| ()).unwrap_err().to_string()
     };
     for (effect, good, names) in [
         ("leak", vec![50.0, 1.0], ["leak_position_m", "leak_cda_mm2"].as_slice()),

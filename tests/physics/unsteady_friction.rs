@@ -46,7 +46,7 @@ impl Case {
         let shared: Vec<f64> = wave_speeds.chain(self.values.iter().copied()).collect();
         let resolution = Resolution { reaches, duration_s: times.iter().copied().fold(0.0, f64::max) };
         let conditions = Conditions::of(water);
-        let valve = [Probe::Head(rig.pipes.iter().map(|p| p.length_m).sum())];
+        let valve = [Probe::head(rig.pipes.iter().map(|p| p.length_m).sum::<f64>())];
         let simulated = model.simulate(&conditions, &shared, &run, resolution, &valve)?;
         Ok(times.iter().map(|&t| simulated.traces[0].at(t) - 60.0).collect())
     }

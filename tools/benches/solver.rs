@@ -80,7 +80,7 @@ fn ours(effects: &'static str, values: Vec<f64>, pipe: &Pipe) -> Box<dyn Fn(usiz
         // `simulate` adds two steps.
         let resolution = Resolution { reaches, duration_s: (steps as f64 - 2.5) * dt_s };
         let conditions = Conditions::of(water);
-        let simulated = model.simulate(&conditions, &shared, &run, resolution, &[Probe::Head(LENGTH_M)]);
+        let simulated = model.simulate(&conditions, &shared, &run, resolution, &[Probe::head(LENGTH_M)]);
         simulated.expect("the bench's own case is valid").traces.swap_remove(0).values
     })
 }

@@ -1,6 +1,6 @@
 //! Values on the command line: numbers in their ranges, `NAME=VALUE` pairs, an effect. Each is a clap value parser.
 
-use crate::model::effects::{Chosen, parse_list};
+use crate::model::effects::{Chosen, parse_list, pipe_is_no_setting};
 pub(crate) use crate::units::written::number;
 
 /// One effect, such as `leak` or `viscoelastic-wall:2`.
@@ -59,6 +59,9 @@ pub fn pair(text: &str) -> Result<(String, String), String> {
 pub fn setting(text: &str) -> Result<(String, f64), String> {
     // An option that takes several of these takes a file behind them for one more.
     let (name, value) = pair(text).map_err(|e| format!("{e}, and name files before this option"))?;
+    if let Some(why) = pipe_is_no_setting(&name) {
+        return Err(why);
+    }
     Ok((name, number(&value)?))
 }
 
@@ -71,6 +74,7 @@ mod tests {
         assert_eq!(setting("wave_speed_m_s = 395").unwrap(), ("wave_speed_m_s".to_owned(), 395.0));
         assert!(setting("run.mcap").unwrap_err().contains("NAME=VALUE, and name files before this option"));
         assert!(setting("a=b").unwrap_err().contains("'b' is not a number"));
+        assert!(setting("leak_pipe=branch").unwrap_err().contains("leak@PIPE"));
         assert!(setting("a=NaN").is_err() && positive("0").is_err() && not_negative("-1").is_err());
         assert_eq!(not_negative("0"), Ok(0.0));
         assert_eq!((reaches("8"), reaches("100000")), (Ok(8), Ok(100_000)));

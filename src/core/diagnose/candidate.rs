@@ -38,10 +38,13 @@ fn forms(rig: &Rig, effect: &'static dyn Effect) -> Vec<Form> {
     let variants = std::iter::once(effect).chain(effect.variants().iter().copied());
     variants
         .flat_map(|variant| {
-            let form = Chosen { effect: variant, elements: None, sensor: None };
+            let form = Chosen { effect: variant, elements: None, sensor: None, pipe: None };
             let all: Vec<Chosen> = match variant.elements() {
                 Some(range) => range.take_while(|n| *n <= MOST_ELEMENTS).map(|n| form.with_elements(n)).collect(),
                 None if variant.at_sensor() => rig.pressure_sensors().map(|(_, s)| form.with_sensor(&s.name)).collect(),
+                None if variant.on_pipe() && rig.graph.lines.len() > 1 => {
+                    rig.pipes.iter().map(|p| form.on_pipe(&p.name)).collect()
+                }
                 None => vec![form],
             };
             all.into_iter().map(|chosen| Form { effect: effect.name(), chosen })
@@ -55,6 +58,7 @@ pub fn forms_of(rig: &Rig, asked: &Chosen) -> Vec<Form> {
         form.chosen.effect.name() == asked.effect.name()
             && asked.elements.is_none_or(|n| form.chosen.elements == Some(n))
             && asked.sensor.as_ref().is_none_or(|s| form.chosen.sensor.as_ref() == Some(s))
+            && asked.pipe.as_ref().is_none_or(|p| form.chosen.pipe.as_ref() == Some(p))
     };
     let forms: Vec<Form> = CATALOGUE.iter().flat_map(|effect| forms(rig, *effect)).filter(own).collect();
     if forms.is_empty() { vec![Form { effect: base_name(asked.effect.name()), chosen: asked.clone() }] } else { forms }

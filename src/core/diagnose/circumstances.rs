@@ -29,7 +29,7 @@ fn sample_s(runs: &[RunData]) -> f64 {
 /// How far the lowest pressure in any record stays above vapour pressure, m.
 fn above_vapour_m(rig: &Rig, runs: &[RunData]) -> f64 {
     let margin = |run: &RunData, s: &SensorData| {
-        let boiling_m = rig.elevation_m(s.sensor.position_m) + vapour_head_m(&run.conditions.water);
+        let boiling_m = rig.elevation_m(s.sensor.place()) + vapour_head_m(&run.conditions.water);
         // A single sample may be a dead count; a record that reaches the floor stays there.
         let mut heads = s.head_m.clone();
         let few = (heads.len() / FLOOR_SAMPLES).clamp(1, heads.len()) - 1;

@@ -66,7 +66,7 @@ use crate::fit::search::nested::or_from_signals;
 use crate::fit::search::options::Options;
 use crate::fit::validate::held_out::held_out_m;
 use crate::model::effects::{Chosen, SHOWN};
-use crate::model::{Model, check_sensors};
+use crate::model::{Model, check_places};
 use crate::rig::Rig;
 
 /// Diagnoses `runs` of a rig, starting from a model with `effects`. `progress` receives a few words on each step.
@@ -448,7 +448,7 @@ fn follows_too_fast(rig: &Rig, runs: &[RunData], fit: &Fit) -> bool {
     let run = problem.run_values(0, &values);
     let travel_s = model.travel_s(&first.conditions, &values[..model.shared.len()], &run);
     let least_s = rig.length_m() / rig.wave_speed_start(water).2;
-    travel_s.is_ok_and(|travel_s| travel_s.iter().sum::<f64>() < AS_FAST * least_s)
+    travel_s.is_ok_and(|travel_s| travel_s.way_s() < AS_FAST * least_s)
 }
 
 /// Adds to the diagnosis of a missing effect: how well the effect predicts the end of the records, and the test that would
@@ -488,7 +488,7 @@ pub fn grow(
     options: &Options,
     progress: &OnProgress<'_>,
 ) -> Result<(Fit, f64), FitError> {
-    check_sensors(rig, std::slice::from_ref(added))?;
+    check_places(rig, std::slice::from_ref(added))?;
     let baseline = Baseline::new(rig, runs, start, options)?;
     let shown = |p: &Progress| progress(&p.within(&added.label()));
     let mut fits = Vec::new();

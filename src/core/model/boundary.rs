@@ -1,4 +1,4 @@
-//! The two ends of the line: supply and valve. Each is solved with the one characteristic that reaches it.
+//! Supply and valve, and what a node is at one time. Each is solved with the characteristic that reaches it.
 
 /// Head at the supply.
 pub trait Supply: Send {
@@ -101,7 +101,7 @@ const SMALL_DROP_M: f64 = 1e-9;
 /// litre a second.
 const HOLDING_M2_S: f64 = 1e3;
 
-/// What the valve's end is at one time.
+/// What a node is at one time, for the water that reaches it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Outlet {
     /// A head, m, that drives the line.
@@ -114,6 +114,13 @@ pub enum Outlet {
         root_c: f64,
         /// Head behind it, m.
         behind_m: f64,
+    },
+    /// A surface that rises with what flows into it: `Q = r H - k`.
+    Surface {
+        /// `r`, twice its area over the step, m²/s.
+        rate_m2_s: f64,
+        /// `k`, m³/s.
+        known_m3_s: f64,
     },
 }
 
@@ -146,11 +153,20 @@ impl ValveEnd {
 }
 
 impl Outlet {
+    /// Head and flow, m and m³/s, from the characteristic `H + z Q = e` that reaches it.
+    #[inline]
+    pub fn solve(self, z: f64, e: f64) -> (f64, f64) {
+        let flow_m3_s = self.flow_m3_s(z, e);
+        (if let Outlet::Head(head_m) = self { head_m } else { e - z * flow_m3_s }, flow_m3_s)
+    }
+
     /// Flow through it, m³/s, from the characteristic `H + z Q = e` that reaches it.
+    #[inline]
     pub fn flow_m3_s(self, z: f64, e: f64) -> f64 {
         match self {
             Outlet::Head(head_m) => (e - head_m) / z,
             Outlet::Flow(flow_m3_s) => flow_m3_s,
+            Outlet::Surface { rate_m2_s, known_m3_s } => (rate_m2_s * e - known_m3_s) / (1.0 + z * rate_m2_s),
             Outlet::Orifice { root_c, behind_m } => {
                 let excess = e - behind_m;
                 if root_c <= 0.0 || excess == 0.0 {
@@ -167,6 +183,7 @@ impl Outlet {
         match self {
             Outlet::Head(held_m) => (HOLDING_M2_S * (head_m - held_m), HOLDING_M2_S),
             Outlet::Flow(flow_m3_s) => (flow_m3_s, 0.0),
+            Outlet::Surface { rate_m2_s, known_m3_s } => (rate_m2_s * head_m - known_m3_s, rate_m2_s),
             Outlet::Orifice { root_c, .. } if root_c <= 0.0 => (0.0, 0.0),
             Outlet::Orifice { root_c, behind_m } => {
                 let drop = head_m - behind_m;

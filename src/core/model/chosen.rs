@@ -2,6 +2,7 @@
 
 use crate::model::effect::Effect;
 use crate::model::error::ModelError;
+use crate::rig::Rig;
 
 /// An effect chosen for a model.
 #[derive(Clone)]
@@ -12,19 +13,33 @@ pub struct Chosen {
     pub elements: Option<usize>,
     /// The sensor it concerns, if the user named one.
     pub sensor: Option<String>,
+    /// The pipe of a network on which it is, if the user named one.
+    pub pipe: Option<String>,
 }
 
 impl Chosen {
-    /// As the user writes it: `viscoelastic-wall:2`, `sensor-lag@P2`.
+    /// As the user writes it: `viscoelastic-wall:2`, `sensor-lag@P2`, `leak@branch`.
     pub fn label(&self) -> String {
         let mut label = self.effect.name().to_owned();
         if let Some(n) = self.elements.filter(|_| self.effect.elements().is_some()) {
             label += &format!(":{n}");
         }
-        if let Some(sensor) = &self.sensor {
-            label += &format!("@{sensor}");
+        if let Some(at) = self.sensor.as_ref().or(self.pipe.as_ref()) {
+            label += &format!("@{at}");
         }
         label
+    }
+
+    /// The line on which it is: that of the pipe it names, else that which ends at the valve.
+    pub fn line(&self, rig: &Rig) -> usize {
+        let own = self.pipe.as_ref().and_then(|pipe| rig.pipes.iter().position(|p| p.name == *pipe));
+        own.and_then(|i| rig.graph.lines.iter().position(|line| line.pipes.contains(&i)))
+            .unwrap_or_else(|| rig.graph.line_to_valve())
+    }
+
+    /// The same on a pipe.
+    pub fn on_pipe(&self, pipe: &str) -> Self {
+        Chosen { pipe: Some(pipe.to_owned()), ..self.clone() }
     }
 
     /// Greatest number of elements that it may have; `None` if it has none.

@@ -8,6 +8,7 @@ use crate::model::constraint::{Constraint, Given};
 use crate::model::error::ModelError;
 use crate::model::parameter::Parameter;
 use crate::model::prior::Prior;
+use crate::model::reaches::Travel;
 use crate::model::run::{LEAST_DROP_M, RunValues};
 use crate::model::scene::Site;
 use crate::model::sensor::seen_by;
@@ -42,11 +43,9 @@ pub struct Model<'a> {
 impl<'a> Model<'a> {
     /// The base model of a rig with effects added; `water` and the rig give parameters their starts and bounds.
     pub fn new(rig: &'a Rig, water: &WaterProperties, effects: &[Chosen]) -> Model<'a> {
-        let mut shared = Vec::new();
-        let mut travel_s = 0.0;
+        let mut shared: Vec<Parameter> = Vec::new();
         for pipe in &rig.pipes {
             let (start, lower, upper) = pipe.wave_speed_start(water);
-            travel_s += pipe.length_m / start;
             let name = match rig.pipes.len() {
                 1 => "wave_speed_m_s".to_owned(),
                 _ => format!("wave_speed_m_s[{}]", pipe.name),
@@ -60,7 +59,8 @@ impl<'a> Model<'a> {
                 upper,
             ));
         }
-        let site = Site { rig, water, period_s: 4.0 * travel_s };
+        let travel_s: f64 = rig.way().map(|i| rig.pipes[i].length_m / shared[i].start).sum();
+        let site = Site { rig, water, period_s: 4.0 * travel_s, line: 0 };
         let effects: Vec<Chosen> = effects
             .iter()
             .map(|c| Chosen {
@@ -71,6 +71,7 @@ impl<'a> Model<'a> {
             .collect();
         let mut effect_sizes = Vec::new();
         for chosen in &effects {
+            let site = Site { line: chosen.line(rig), ..site };
             let parameters = chosen.effect.parameters(&site, chosen.elements.unwrap_or(1));
             effect_sizes.push(parameters.len());
             shared.extend(parameters);
@@ -165,20 +166,25 @@ impl<'a> Model<'a> {
 
     /// Theoretical period `4L/a` for shared parameter values, s.
     pub fn period_s(&self, shared: &[f64]) -> f64 {
-        4.0 * self.rig.pipes.iter().zip(shared).map(|(p, a)| p.length_m / a).sum::<f64>()
+        4.0 * self.rig.way().map(|i| self.rig.pipes[i].length_m / shared[i]).sum::<f64>()
     }
 
     /// Fewest reaches for the pipes, with a margin of a fifth for their wave speeds.
     pub fn least_reaches(&self, shared: &[f64]) -> usize {
-        let travel_s: Vec<f64> = self.rig.pipes.iter().zip(shared).map(|(p, a)| p.length_m / a).collect();
-        let margin = if travel_s.len() > 1 { 1.2 } else { 1.0 };
-        (margin * crate::model::reaches::least_reaches(&travel_s) as f64).ceil() as usize
+        let margin = if self.rig.pipes.len() > 1 { 1.2 } else { 1.0 };
+        (margin * self.pipes_travel_s(shared).least_reaches() as f64).ceil() as usize
     }
 
     /// Number of reaches, at least `reaches`, that fits the pipes' joints best.
     pub fn fitting_reaches(&self, shared: &[f64], reaches: usize) -> usize {
-        let travel_s: Vec<f64> = self.rig.pipes.iter().zip(shared).map(|(p, a)| p.length_m / a).collect();
-        crate::model::reaches::fitting_reaches(&travel_s, reaches)
+        self.pipes_travel_s(shared).fitting_reaches(reaches)
+    }
+
+    /// Travel times of a wave through the pipes.
+    pub fn pipes_travel_s(&self, shared: &[f64]) -> Travel {
+        let pipe = |i: usize| self.rig.pipes[i].length_m / shared[i];
+        let lines_s = self.rig.graph.lines.iter().map(|line| line.pipes.clone().map(pipe).collect()).collect();
+        Travel { lines_s, way: self.rig.graph.way.iter().map(|(line, _)| *line).collect() }
     }
 
     /// The reading of a pressure sensor from the head at its place: its own dynamics, then the effects that concern it.
@@ -217,14 +223,48 @@ fn first_sensor(rig: &Rig) -> Option<String> {
     rig.pressure_sensors().next().map(|(_, s)| s.name.clone())
 }
 
-/// Refuses effects at sensors that a rig does not have.
+/// Refuses effects at sensors, on pipes or at a supply that a rig does not have.
 ///
 /// # Errors
-/// [`ModelError::UnknownSensor`] for the first of them.
-pub fn check_sensors(rig: &Rig, effects: &[Chosen]) -> Result<(), ModelError> {
+/// [`ModelError::UnknownSensor`], [`ModelError::UnknownPipe`] or [`ModelError::NoReservoir`] for the first of them.
+pub fn check_places(rig: &Rig, effects: &[Chosen]) -> Result<(), ModelError> {
+    let pipes: Vec<&str> = match rig.graph.lines.len() {
+        1 => Vec::new(),
+        _ => rig.pipes.iter().map(|p| p.name.as_str()).collect(),
+    };
+    if let Some(name) = effects.iter().filter_map(|c| c.pipe.as_ref()).find(|name| !pipes.contains(&name.as_str())) {
+        return Err(ModelError::UnknownPipe { name: name.clone(), known: pipes.join(", ") });
+    }
+    let supply = &rig.graph.nodes[rig.graph.supply()];
+    if let (Some(chosen), false) = (effects.iter().find(|c| c.effect.at_supply()), supply.kind.holds_given_head()) {
+        return Err(ModelError::NoReservoir { effect: chosen.label(), node: supply.name.clone() });
+    }
     let known: Vec<&str> = rig.pressure_sensors().map(|(_, s)| s.name.as_str()).collect();
     match effects.iter().filter_map(|c| c.sensor.as_ref()).find(|name| !known.contains(&name.as_str())) {
         None => Ok(()),
         Some(name) => Err(ModelError::UnknownSensor { name: name.clone(), known: known.join(", ") }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::effects::parse_list;
+
+    /// A reservoir's head may drift; what a tank or a pump does, its own law says.
+    #[test]
+    fn an_effect_at_the_supply_needs_a_reservoir() {
+        let branched = include_str!("../../../rigs/branched.toml");
+        let tank = branched.replace("kind = \"reservoir\"", "kind = \"tank\"\nhead_m = 40.0\narea_m2 = 1.0");
+        let check = |rig: &str, effects: &str| {
+            let rig = Rig::from_toml(rig, "rig.toml").unwrap();
+            let refused = check_places(&rig, &parse_list(effects).unwrap());
+            (refused, parse_list(effects).unwrap()[0].effect.impossible(&rig).is_some())
+        };
+        assert_eq!(check(branched, "supply-drift"), (Ok(()), false));
+        assert_eq!(check(&tank, "leak"), (Ok(()), false));
+        let (refused, impossible) = check(&tank, "supply-drift,leak");
+        let said = refused.unwrap_err().to_string();
+        assert!(impossible && said.contains("'supply-drift'") && said.contains("'tank'"), "{said}");
     }
 }

@@ -75,6 +75,14 @@ pub trait Effect: Sync {
     fn at_sensor(&self) -> bool {
         false
     }
+    /// Whether it is at a place on a pipe, which may be named in a network (`name@branch`).
+    fn on_pipe(&self) -> bool {
+        false
+    }
+    /// Whether it changes the head of the supply.
+    fn at_supply(&self) -> bool {
+        false
+    }
     /// Effects with which it cannot be combined, and why.
     fn excludes(&self) -> &'static [(&'static str, &'static str)] {
         &[]

@@ -18,7 +18,7 @@ pub(crate) struct End<'a, const DOWNSTREAM: bool> {
     one_plus_kappa: f64,
     by_kappa: f64,
     one_plus_mu: f64,
-    steady_head_m: f64,
+    pub(crate) steady_head_m: f64,
     /// `½R0`, m.
     steady_half_loss_m: f64,
     friction: &'a ReachFriction,
@@ -44,7 +44,7 @@ impl<'a, const DOWNSTREAM: bool> End<'a, DOWNSTREAM> {
     }
 
     /// 1 where flow leaves the segment, -1 where it enters.
-    const SIGN: f64 = if DOWNSTREAM { 1.0 } else { -1.0 };
+    pub(crate) const SIGN: f64 = if DOWNSTREAM { 1.0 } else { -1.0 };
 
     /// The wave that arrives from inside.
     #[inline(always)]
@@ -70,6 +70,12 @@ impl<'a, const DOWNSTREAM: bool> End<'a, DOWNSTREAM> {
     #[inline(always)]
     pub(crate) fn head_m(&self, state: &State) -> f64 {
         self.steady_head_m + state.h[self.node]
+    }
+
+    /// The same, as a deviation from that before the closure.
+    #[inline(always)]
+    pub(crate) fn deviation_m(&self, state: &State) -> f64 {
+        state.h[self.node]
     }
 
     /// Sets the node and the wave that goes back into the segment.

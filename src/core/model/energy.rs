@@ -33,10 +33,8 @@ pub struct Owners {
     pub terms: Vec<usize>,
     /// Of the node field.
     pub field: Option<usize>,
-    /// Of the elements at the joints and, last, at the valve's end.
+    /// Of the elements at the nodes: behind each segment, then at those of the graph.
     pub nodes: Vec<NodeOwners>,
-    /// Head at the valve before the closure, behind the elements before it, m.
-    pub valve_head_m: f64,
 }
 
 /// Owners of the elements of one node.
@@ -187,12 +185,8 @@ impl<'a> Balance<'a> {
         self.energy
     }
 
-    /// Adds what the elements of a joint, or those before the valve, take; `index` counts the joints. Call it before
-    /// the node advances.
-    pub fn node(&mut self, index: usize, node: &Node, solved: &Solved) {
-        let (heads, segments) = (&self.steady.head_m, &self.steady.grid.segments);
-        let before_m = heads[segments[index].nodes().end - 1];
-        let behind_m = segments.get(index + 1).map_or(self.owners.valve_head_m, |next| heads[next.offset]);
+    /// Adds what the elements of a node take, with its heads before the closure. Call it before the node advances.
+    pub fn node(&mut self, index: usize, node: &Node, solved: &Solved, [before_m, behind_m]: [f64; 2]) {
         let owners = &self.owners.nodes[index];
         let flow = solved.left_flow_m3_s;
         let whole: f64 = owners.losses.iter().map(|(_, k)| k).sum();
@@ -207,21 +201,19 @@ impl<'a> Balance<'a> {
         }
     }
 
-    /// Adds what an element over several joints takes from each. Call it when the joints' heads are known.
-    pub fn spread(&mut self, one: &Spread, state: &State) {
-        let segments = &self.steady.grid.segments;
-        let taken: f64 = one.at.iter().map(|&(s, weight)| weight * state.h[segments[s + 1].offset]).sum();
-        self.row[EFFECTS + one.owner] += self.weight * taken * one.flow_m3_s;
+    /// Adds what an element over several joints takes from them; `head_m` is their head deviation, interpolated at it.
+    pub fn spread(&mut self, one: &Spread, head_m: f64) {
+        self.row[EFFECTS + one.owner] += self.weight * head_m * one.flow_m3_s;
     }
 
-    /// Adds the outflow through the valve.
-    pub fn valve(&mut self, head_m: f64, flow_m3_s: f64) {
-        self.row[VALVE] += self.weight * (head_m - self.owners.valve_head_m) * flow_m3_s;
-    }
-
-    /// Adds the inflow from the supply at a head deviation `h`.
-    pub fn supply(&mut self, h: f64, flow_m3_s: f64) {
-        self.row[SUPPLY] += self.weight * h * flow_m3_s;
+    /// Adds what leaves the pipes at a node of head deviation `h`: into a supply, or else by a valve and as demand.
+    pub fn leaves(&mut self, into_supply: bool, h: f64, flow_m3_s: f64) {
+        let work = self.weight * h * flow_m3_s;
+        if into_supply {
+            self.row[SUPPLY] -= work;
+        } else {
+            self.row[VALVE] += work;
+        }
     }
 
     /// Adds the losses along the line in a step whose heads, flows and leaving waves are known, and closes the step.
@@ -298,6 +290,12 @@ impl<'a> Balance<'a> {
             kinetic += weight * k;
             elastic += weight * e;
             self.ends[s] = [state.u[nodes.start], state.u[nodes.end - 1]];
+        }
+        for late in &state.late {
+            let weight = self.weight / (8.0 * self.steady.grid.segments[late.segment].impedance);
+            let [f, b] = late.waves();
+            kinetic += weight * (f - b) * (f - b);
+            elastic += weight * (f + b) * (f + b);
         }
         self.row[KINETIC] = kinetic;
         self.row[ELASTIC] = elastic;

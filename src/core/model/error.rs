@@ -35,12 +35,25 @@ pub enum ModelError {
          {position_m:.2} m from the supply, in a model with {effects}; check the parameter values"
     )]
     NotFinite { time_s: f64, position_m: f64, effects: String },
-    #[error("'{item}': this effect concerns no single sensor")]
+    #[error(
+        "there is no pipe '{name}' on which an effect could be; the network has {known} (pipes in series are one line: give the position)"
+    )]
+    UnknownPipe { name: String, known: String },
+    #[error(
+        "'{effect}' changes the head of a reservoir, and nothing feeds this rig but '{node}', whose head follows from its own law; leave the effect \
+         out, or make '{node}' a [[node]] of kind \"reservoir\""
+    )]
+    NoReservoir { effect: String, node: String },
+    #[error("'{item}': this effect concerns no single sensor or pipe")]
     NoSensor { item: String },
     #[error("'{one}' and '{other}' cannot be together: {why}")]
     Excluded { one: String, other: String, why: &'static str },
     #[error("there is no pressure sensor '{name}'; the rig has {known}")]
     UnknownSensor { name: String, known: String },
+    #[error(
+        "the steady flow before the closure cannot be found: look for pipes without a supply, and for losses and demands out of proportion"
+    )]
+    NoSteadyFlow,
     #[error("an upstream end of kind 'measured' needs the head measured at position 0")]
     NoSupplyHead,
     #[error("the head before the valve needs at least one sample, and times that increase")]

@@ -25,6 +25,7 @@ use crate::model::error::ModelError;
 use crate::model::node::Shunt;
 use crate::model::scene::{Scene, Spot};
 use crate::model::steady::Steady;
+use crate::rig::Place;
 use crate::wide::widened;
 
 /// Least `K` as a share of the volume.
@@ -230,7 +231,8 @@ pub fn field(scene: &Scene, steady: &Steady, gas: Gas) -> Result<Box<dyn NodeFie
         let gone_m3 = content_m4 / gas.below_m;
         for node in segment.nodes() {
             let position_m = segment.start_m + segment.reach_m * (node - segment.offset) as f64;
-            steady_m[node] = steady.head_m[node] - boiling_head_m(scene, scene.rig.elevation_m(position_m));
+            steady_m[node] = steady.head_m[node]
+                - boiling_head_m(scene, scene.rig.elevation_m(Place { line: segment.line, position_m }));
             sum_m3[node] = (content_m4 / steady_m[node] - gone_m3).max(0.0);
         }
         let stepping = Stepping::new(scene.dt_s, segment.reach_m, length_m, gas.lag_s);

@@ -1,5 +1,5 @@
 //! The grid: nodes evenly spaced in *travel time*. One time step carries a wave over every reach of every pipe, and no
-//! wave speed has to be adjusted to make pipes in series fit.
+//! wave speed or length has to be adjusted to make pipes fit.
 //!
 //! A reach inside one pipe has `dx = a dt`. The one reach that straddles a joint becomes a segment of its own with the
 //! inertance `Σ l/(gA)` and the capacitance `Σ gAl/a²` of its two parts. Their lengths are chosen so that this reach,
@@ -7,15 +7,25 @@
 //! lengths, which a fit needs, and no inertia or storage is lost. Such a joint disperses fronts of a few steps, so the
 //! number of reaches is chosen to put joints on nodes, or nearly so:
 //! [`fitting_reaches`](crate::model::reaches::fitting_reaches).
+//!
+//! A single line gets the step with which its reaches are whole. Several lines share one step, so each begins with a reach that takes
+//! longer: its wave passes an all-pass filter ([`Late`](crate::model::late::Late)) that delays it by the rest of a step and takes nothing of it.
+
+use std::ops::Range;
 
 use crate::model::error::ModelError;
 use crate::model::friction::WallFriction;
 use crate::model::trace::monotone;
-use crate::rig::Regime;
+use crate::rig::{Graph, Place, Regime};
 use crate::units::GRAVITY_M_S2;
 
 /// Wave speeds with which the grid can be computed; those of real pipes are far inside.
 const WAVE_SPEEDS_M_S: std::ops::RangeInclusive<f64> = 1e-6..=1e9;
+
+/// A joint within this many reaches of a node counts as on it.
+const ON_NODE: f64 = 1e-9;
+/// A reach that is late by no more than this many steps is on time: rounding.
+const LATE: f64 = 1e-6;
 
 /// A length of pipe with constant properties.
 #[derive(Debug, Clone)]
@@ -62,7 +72,7 @@ pub struct Segment {
     pub offset: usize,
     /// Number of reaches; it has one more node.
     pub reaches: usize,
-    /// Position of its first node, m from the supply.
+    /// Position of its first node, m from the beginning of its line.
     pub start_m: f64,
     /// Length of one reach, m.
     pub reach_m: f64,
@@ -70,12 +80,21 @@ pub struct Segment {
     pub impedance: f64,
     /// The parts of one reach, with their lengths in m: one stretch, or those of a reach over a joint.
     pub parts: Vec<(Stretch, f64)>,
+    /// The line that it is part of.
+    pub line: usize,
+    /// Steps that a wave takes for a reach beyond the first: none but in the reach that makes up a line's length.
+    pub late: f64,
 }
 
 impl Segment {
     /// The segment's nodes in the state's slices.
     pub fn nodes(&self) -> std::ops::Range<usize> {
         self.offset..self.offset + self.reaches + 1
+    }
+
+    /// Position of its last node, m from the beginning of its line.
+    pub fn end_m(&self) -> f64 {
+        self.start_m + self.reach_m * self.reaches as f64
     }
 
     /// Regime of the flow before the closure: that of the longest part.
@@ -128,64 +147,78 @@ impl Stencil {
     }
 }
 
-/// The whole line from supply to valve.
+/// All lines.
 #[derive(Debug, Clone)]
 pub struct Grid {
     /// Time step, s.
     pub dt_s: f64,
-    /// Segments from the supply to the valve.
+    /// Segments, line after line, each from its beginning to its end.
     pub segments: Vec<Segment>,
+    /// The segments of each line.
+    pub lines: Vec<Range<usize>>,
 }
 
 impl Grid {
-    /// Divides stretches in series into `reaches` reaches of equal travel time.
+    /// Divides lines, each of stretches in series, into reaches of equal travel time: `reaches` of them on the `way`, lines by their indices.
     ///
     /// A stretch shorter than one reach is lumped with its neighbours in the reach that covers it: less sharp, but with
     /// all its inertance and capacitance. With [`least_reaches`](crate::model::reaches::least_reaches) or more, no
     /// stretch is lumped.
     ///
     /// # Errors
-    /// If there are fewer than two reaches, or a wave speed is out of range.
-    pub fn new(stretches: &[Stretch], reaches: usize) -> Result<Grid, ModelError> {
+    /// If there are fewer than two reaches, a line is shorter than a reach, or a wave speed is out of range.
+    pub fn new(lines: &[Vec<Stretch>], way: &[usize], reaches: usize) -> Result<Grid, ModelError> {
         if reaches < 2 {
             return Err(ModelError::TooFewReaches { reaches, needed: 2 });
         }
-        if let Some(odd) = stretches.iter().find(|s| !WAVE_SPEEDS_M_S.contains(&s.wave_speed_m_s)) {
+        if let Some(odd) = lines.iter().flatten().find(|s| !WAVE_SPEEDS_M_S.contains(&s.wave_speed_m_s)) {
             let (name, value) = ("wave_speed_m_s".to_owned(), odd.wave_speed_m_s);
             return Err(ModelError::Value { name, value, allowed: "1e-6 to 1e9 m/s" });
         }
-        let total_s: f64 = stretches.iter().map(|s| s.length_m / s.wave_speed_m_s).sum();
-        let joints = stretches.len() - 1;
-        // A longer step makes fewer reaches; every joint costs less than one reach more than travel time alone.
-        let (mut low, mut high) = (total_s / reaches as f64, total_s / reaches.saturating_sub(joints).max(1) as f64);
-        while lay(stretches, high, |_, _| {}) > reaches as f64 {
-            high *= 2.0;
-        }
-        while joints > 0 && high - low > 1e-14 * low {
-            let middle = 0.5 * (low + high);
-            if middle <= low || middle >= high {
-                break;
+        let dt_s = match lines {
+            [line] => even_step(line, reaches),
+            _ => way.iter().map(|&line| travel_s(&lines[line])).sum::<f64>() / reaches as f64,
+        };
+        let mut grid = Grid { dt_s, segments: Vec::new(), lines: Vec::new() };
+        let mut offset = 0;
+        for (line, stretches) in lines.iter().enumerate() {
+            let shortest_s = travel_s(stretches);
+            if shortest_s < dt_s * (1.0 - ON_NODE) {
+                let needed = (reaches as f64 * dt_s / shortest_s).ceil() as usize;
+                return Err(ModelError::TooFewReaches { reaches, needed });
             }
-            if lay(stretches, middle, |_, _| {}) > reaches as f64 {
-                low = middle;
-            } else {
-                high = middle;
+            let first = grid.segments.len();
+            let mut start_m = 0.0;
+            for (parts, reaches) in laid(stretches, dt_s, lines.len() > 1) {
+                let parts: Vec<(Stretch, f64)> = parts.iter().map(|&(k, l)| (stretches[k].clone(), l)).collect();
+                let reach_m: f64 = parts.iter().map(|p| p.1).sum();
+                let inertance: f64 = parts.iter().map(|(s, l)| s.inertance() * l).sum();
+                let capacitance: f64 = parts.iter().map(|(s, l)| s.capacitance() * l).sum();
+                let impedance = (inertance / capacitance).sqrt();
+                let late = (inertance * capacitance).sqrt() / dt_s - 1.0;
+                let late = if late > LATE { late } else { 0.0 };
+                grid.segments.push(Segment { offset, reaches, start_m, reach_m, impedance, parts, line, late });
+                offset += reaches + 1;
+                start_m += reach_m * reaches as f64;
             }
+            grid.lines.push(first..grid.segments.len());
         }
-        let dt_s = if joints > 0 { high } else { low };
-        let mut segments: Vec<Segment> = Vec::new();
-        let (mut offset, mut start_m) = (0, 0.0);
-        lay(stretches, dt_s, |parts, reaches| {
-            let parts: Vec<(Stretch, f64)> = parts.iter().map(|&(k, l)| (stretches[k].clone(), l)).collect();
-            let reach_m: f64 = parts.iter().map(|p| p.1).sum();
-            let inertance: f64 = parts.iter().map(|(s, l)| s.inertance() * l).sum();
-            let capacitance: f64 = parts.iter().map(|(s, l)| s.capacitance() * l).sum();
-            let impedance = (inertance / capacitance).sqrt();
-            segments.push(Segment { offset, reaches, start_m, reach_m, impedance, parts });
-            offset += reaches + 1;
-            start_m += reach_m * reaches as f64;
-        });
-        Ok(Grid { dt_s, segments })
+        Ok(grid)
+    }
+
+    /// At each node of the graph, the segments that end there and those that begin there.
+    pub fn ends_at(&self, graph: &Graph) -> Vec<[Vec<usize>; 2]> {
+        let mut ends = vec![[Vec::new(), Vec::new()]; graph.nodes.len()];
+        for (line, own) in graph.lines.iter().zip(&self.lines) {
+            ends[line.to][0].push(own.end - 1);
+            ends[line.from][1].push(own.start);
+        }
+        ends
+    }
+
+    /// The segments behind which another one of the same line follows.
+    pub fn joints(&self) -> impl Iterator<Item = usize> {
+        self.lines.iter().flat_map(|line| line.start..line.end - 1)
     }
 
     /// Total number of reaches.
@@ -193,30 +226,30 @@ impl Grid {
         self.segments.iter().map(|s| s.reaches).sum()
     }
 
-    /// The inner nodes around a position, counted in reaches from the supply, with weights that add up to 1: an element
+    /// The inner nodes around a place, counted in reaches over all lines, with weights that add up to 1: an element
     /// between nodes is shared among them.
     ///
     /// The weights are those of a quadratic B-spline: their centre is the position, and their spread is the same
     /// everywhere. Shares of two nodes would be sharp on a node and blurred in between, and a fit would get stuck at
     /// nodes. Near an end two nodes share, and at the end the first inner node has it all.
-    pub fn around(&self, position_m: f64) -> Vec<(usize, f64)> {
-        let (x, last) = self.inner(position_m);
+    pub fn around(&self, place: impl Into<Place>) -> Vec<(usize, f64)> {
+        let (before, x, last) = self.inner(place.into());
         if x < 1.5 || x > last - 0.5 {
-            return linear(x, last);
+            return linear(before, x, last);
         }
         let node = x.round();
-        let (d, node) = (x - node, node as usize);
+        let (d, node) = (x - node, before + node as usize);
         vec![(node - 1, 0.5 * (0.5 - d).powi(2)), (node, 0.75 - d * d), (node + 1, 0.5 * (0.5 + d).powi(2))]
     }
 
-    /// The inner nodes around a position, counted in reaches from the supply, with weights that interpolate at it: cubic convolution (Keys 1981,
+    /// The inner nodes around a place, counted in reaches over all lines, with weights that interpolate at it: cubic convolution (Keys 1981,
     /// IEEE Trans. Acoust. 29, 1153), smooth in the position and of third order. Near an end it is linear.
-    pub fn interpolated(&self, position_m: f64) -> Vec<(usize, f64)> {
-        let (x, last) = self.inner(position_m);
+    pub fn interpolated(&self, place: impl Into<Place>) -> Vec<(usize, f64)> {
+        let (before, x, last) = self.inner(place.into());
         if x < 2.0 || x >= last - 1.0 {
-            return linear(x, last);
+            return linear(before, x, last);
         }
-        let (s, n) = (x.fract(), x as usize);
+        let (s, n) = (x.fract(), before + x as usize);
         let (s2, s3) = (s * s, s * s * s);
         vec![
             (n - 1, 0.5 * (-s + 2.0 * s2 - s3)),
@@ -226,24 +259,27 @@ impl Grid {
         ]
     }
 
-    /// A position in reaches from the supply, no nearer to an end than the inner nodes are, and the last of these.
-    fn inner(&self, position_m: f64) -> (f64, f64) {
+    /// Reaches of the lines before that of a place; the place in reaches of its line, no nearer to an end than the inner nodes are; the last of these.
+    fn inner(&self, Place { line, position_m }: Place) -> (usize, f64, f64) {
+        let reaches = |segments: &[Segment]| segments.iter().map(|s| s.reaches).sum::<usize>();
+        let own = &self.segments[self.lines[line].clone()];
         let mut before = 0;
         let mut x = 0.0;
-        for segment in &self.segments {
+        for segment in own {
             x = before as f64 + ((position_m - segment.start_m) / segment.reach_m).clamp(0.0, segment.reaches as f64);
             before += segment.reaches;
             if position_m <= segment.start_m + segment.reach_m * segment.reaches as f64 {
                 break;
             }
         }
-        let last = self.reaches().saturating_sub(1).max(1) as f64;
-        (x.clamp(1.0, last), last)
+        let last = reaches(own).saturating_sub(1).max(1) as f64;
+        (reaches(&self.segments[..self.lines[line].start]), x.clamp(1.0, last), last)
     }
 
-    /// The same grid with its segments cut at inner nodes, counted in reaches from the supply.
+    /// The same grid with its segments cut at inner nodes, counted in reaches over all lines.
     pub fn cut(self, nodes: &[usize]) -> Grid {
         let mut segments: Vec<Segment> = Vec::new();
+        let mut lines: Vec<Range<usize>> = Vec::new();
         let (mut before, mut offset) = (0, 0);
         for segment in self.segments {
             let mut cuts: Vec<usize> =
@@ -259,8 +295,12 @@ impl Grid {
                 from = to;
             }
             before += segment.reaches;
+            if lines.len() == segment.line {
+                lines.push(lines.last().map_or(0, |line| line.end)..0);
+            }
+            lines[segment.line].end = segments.len();
         }
-        Grid { segments, ..self }
+        Grid { segments, lines, ..self }
     }
 
     /// Number of nodes over all segments (a node between two segments counts in both).
@@ -268,13 +308,13 @@ impl Grid {
         self.segments.last().map_or(0, |s| s.offset + s.reaches + 1)
     }
 
-    /// The nodes around a position, for a cubic between two of them.
-    pub fn stencil(&self, position_m: f64) -> Stencil {
-        let segment = self
-            .segments
-            .iter()
-            .position(|s| position_m <= s.start_m + s.reach_m * s.reaches as f64)
-            .unwrap_or(self.segments.len() - 1);
+    /// The nodes around a place, for a cubic between two of them.
+    pub fn stencil(&self, place: impl Into<Place>) -> Stencil {
+        let Place { line, position_m } = place.into();
+        let own = self.lines[line].clone();
+        let ends_behind = |s: &Segment| position_m <= s.start_m + s.reach_m * s.reaches as f64;
+        let within = self.segments[own.clone()].iter().position(ends_behind);
+        let segment = within.map_or(own.end - 1, |i| own.start + i);
         let Segment { offset, reaches, start_m, reach_m, .. } = self.segments[segment];
         let x = ((position_m - start_m) / reach_m).clamp(0.0, reaches as f64);
         let nearest = x.round();
@@ -290,22 +330,84 @@ impl Grid {
     }
 }
 
-/// Two inner nodes around `x`, counted in reaches from the supply, with the weights of linear interpolation; `last` is the last inner node.
-fn linear(x: f64, last: f64) -> Vec<(usize, f64)> {
+/// Travel time of a wave through stretches in series, s.
+fn travel_s(stretches: &[Stretch]) -> f64 {
+    stretches.iter().map(|s| s.length_m / s.wave_speed_m_s).sum()
+}
+
+/// The step with which a line has just so many reaches.
+fn even_step(stretches: &[Stretch], reaches: usize) -> f64 {
+    let total_s = travel_s(stretches);
+    let joints = stretches.len() - 1;
+    // A longer step makes fewer reaches; every joint costs less than one reach more than travel time alone.
+    let (mut low, mut high) = (total_s / reaches as f64, total_s / reaches.saturating_sub(joints).max(1) as f64);
+    if joints == 0 {
+        return low;
+    }
+    while lay(stretches, high, |_, _| {}).0 > reaches as f64 {
+        high *= 2.0;
+    }
+    while high - low > 1e-14 * low {
+        let middle = 0.5 * (low + high);
+        if middle <= low || middle >= high {
+            break;
+        }
+        if lay(stretches, middle, |_, _| {}).0 > reaches as f64 {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    high
+}
+
+/// The reaches of a line: their parts (stretch and length, m) and how many there are of each. With `rest` the first takes up what is left of the
+/// line's length beside whole reaches, half a step to one and a half more than its own; a line of one reach alone may be late by less.
+fn laid(stretches: &[Stretch], dt_s: f64, rest: bool) -> Vec<(Vec<(usize, f64)>, usize)> {
+    let mut laid: Vec<(Vec<(usize, f64)>, usize)> = Vec::new();
+    if !rest {
+        lay(stretches, dt_s, |parts, reaches| laid.push((parts.to_vec(), reaches)));
+        return laid;
+    }
+    let reversed: Vec<Stretch> = stretches.iter().rev().cloned().collect();
+    let (_, mut open) = lay(&reversed, dt_s, |parts, reaches| laid.push((parts.to_vec(), reaches)));
+    let steps = |open: &[(usize, f64)]| {
+        let sum = |of: fn(&Stretch) -> f64| open.iter().map(|&(k, l)| of(&reversed[k]) * l).sum::<f64>();
+        (sum(Stretch::inertance) * sum(Stretch::capacitance)).sqrt() / dt_s
+    };
+    while !open.is_empty()
+        && steps(&open) < 1.5
+        && let Some((parts, reaches)) = laid.last_mut()
+    {
+        open.splice(0..0, parts.iter().copied());
+        *reaches -= 1;
+        if *reaches == 0 {
+            laid.pop();
+        }
+    }
+    laid.extend((!open.is_empty()).then_some((open, 1)));
+    laid.reverse();
+    for (parts, _) in &mut laid {
+        parts.reverse();
+        parts.iter_mut().for_each(|part| part.0 = stretches.len() - 1 - part.0);
+    }
+    laid
+}
+
+/// Two inner nodes around `x`, in reaches of a line with `before` before it, with the weights of linear interpolation; `last` is its last inner node.
+fn linear(before: usize, x: f64, last: f64) -> Vec<(usize, f64)> {
     let node = x.floor().min((last - 1.0).max(1.0));
-    let (share, node) = (x - node, node as usize);
+    let (share, node) = (x - node, before + node as usize);
     vec![(node, 1.0 - share), (node + 1, share)]
 }
 
 /// Lays reaches of one step's travel time along the stretches from the supply: passes `push` the parts of a reach
-/// (stretch and length, m) and its number of repetitions. Returns the number of reaches, the last one as a fraction.
+/// (stretch and length, m) and its number of repetitions. Returns the number of reaches, the last one as a fraction, and the parts of that.
 ///
 /// A reach over one or several joints takes from the last stretch it touches the length `x` that makes it take one
 /// step:
 /// `(I + ix)(C + cx) = dt²` with the inertance `I` and capacitance `C` of what it has already.
-fn lay(stretches: &[Stretch], dt_s: f64, mut push: impl FnMut(&[(usize, f64)], usize)) -> f64 {
-    /// A joint within this many reaches of a node counts as on it.
-    const ON_NODE: f64 = 1e-9;
+fn lay(stretches: &[Stretch], dt_s: f64, mut push: impl FnMut(&[(usize, f64)], usize)) -> (f64, Vec<(usize, f64)>) {
     let mut laid = 0;
     let mut open: Vec<(usize, f64)> = Vec::new();
     let (mut inertance, mut capacitance) = (0.0, 0.0);
@@ -343,7 +445,7 @@ fn lay(stretches: &[Stretch], dt_s: f64, mut push: impl FnMut(&[(usize, f64)], u
             (inertance, capacitance) = (0.0, 0.0);
         }
     }
-    laid as f64 + (inertance * capacitance).sqrt() / dt_s
+    (laid as f64 + (inertance * capacitance).sqrt() / dt_s, open)
 }
 
 #[cfg(test)]
@@ -367,11 +469,15 @@ impl Stretch {
 mod tests {
     use super::*;
 
+    fn line(stretches: &[Stretch], reaches: usize) -> Result<Grid, ModelError> {
+        Grid::new(&[stretches.to_vec()], &[0], reaches)
+    }
+
     #[test]
     fn length_inertance_and_capacitance_are_exact_whatever_the_joint() {
         for (l1, a1, l2, a2) in [(60.0, 1200.0, 40.0, 400.0), (10.0, 1000.0, 90.3, 350.0), (33.3, 500.0, 66.7, 500.0)] {
             for reaches in [41, 42, 120] {
-                let grid = Grid::new(&[Stretch::plain(l1, a1), Stretch::plain(l2, a2)], reaches).unwrap();
+                let grid = line(&[Stretch::plain(l1, a1), Stretch::plain(l2, a2)], reaches).unwrap();
                 let sum = |f: &dyn Fn(&Segment) -> f64| grid.segments.iter().map(f).sum::<f64>();
                 assert!((sum(&|s| s.reach_m * s.reaches as f64) - l1 - l2).abs() < 1e-8);
                 assert_eq!(grid.segments.iter().map(|s| s.reaches).sum::<usize>(), reaches);
@@ -388,14 +494,14 @@ mod tests {
 
     #[test]
     fn a_joint_on_a_node_leaves_no_mixed_reach() {
-        let grid = Grid::new(&[Stretch::plain(50.0, 500.0), Stretch::plain(100.0, 1000.0)], 20).unwrap();
+        let grid = line(&[Stretch::plain(50.0, 500.0), Stretch::plain(100.0, 1000.0)], 20).unwrap();
         assert_eq!(grid.segments.len(), 2);
         assert!(grid.segments.iter().all(|s| s.parts.len() == 1 && s.reaches == 10));
     }
 
     #[test]
     fn a_place_between_nodes_is_shared_and_cuts_keep_the_line() {
-        let grid = Grid::new(&[Stretch::plain(50.0, 500.0), Stretch::plain(100.0, 1000.0)], 20).unwrap();
+        let grid = line(&[Stretch::plain(50.0, 500.0), Stretch::plain(100.0, 1000.0)], 20).unwrap();
         for position in [5.0, 6.0, 7.49, 7.51, 12.5, 17.4, 40.0, 49.9, 50.0, 63.0, 137.0, 140.0] {
             let shares = grid.around(position);
             let reaches = if position <= 50.0 { position / 5.0 } else { 5.0 + position / 10.0 };
@@ -423,7 +529,7 @@ mod tests {
     /// A parabola that rises all along the line, at nodes 4 m apart.
     #[test]
     fn the_stencil_reproduces_a_parabola_up_to_the_ends() {
-        let grid = Grid::new(&[Stretch::plain(100.0, 1000.0)], 25).unwrap();
+        let grid = line(&[Stretch::plain(100.0, 1000.0)], 25).unwrap();
         let f = |x: f64| 1.0 + 0.3 * x + 0.02 * x * x;
         for position in [0.0, 1.3, 4.0, 51.7, 98.9, 100.0] {
             let value = grid.stencil(position).read(|node| f(4.0 * node as f64));
@@ -440,7 +546,7 @@ mod tests {
                 Stretch::plain(length, 400.0),
                 Stretch::plain(100.0 - from - length, 1000.0),
             ];
-            let grid = Grid::new(&stretches, 20).unwrap();
+            let grid = line(&stretches, 20).unwrap();
             let sum = |f: &dyn Fn(&Segment) -> f64| grid.segments.iter().map(f).sum::<f64>();
             assert_eq!(grid.reaches(), 20);
             assert!((sum(&|s| s.reach_m * s.reaches as f64) - 100.0).abs() < 1e-6, "{from} {length}");
@@ -477,7 +583,7 @@ mod tests {
 
     #[test]
     fn too_few_reaches_are_refused() {
-        let error = Grid::new(&[Stretch::plain(1.0, 1.0), Stretch::plain(1.0, 1.0)], 1).unwrap_err();
+        let error = line(&[Stretch::plain(1.0, 1.0), Stretch::plain(1.0, 1.0)], 1).unwrap_err();
         assert!(error.to_string().contains("at least 2"), "{error}");
     }
 }

@@ -155,6 +155,36 @@ pub struct Arriving {
     pub e: f64,
 }
 
+impl Arriving {
+    /// Where no pipe is.
+    pub const NOTHING: Arriving = Arriving { z: f64::INFINITY, e: 0.0 };
+
+    /// Whether a pipe is there.
+    #[inline(always)]
+    pub fn is_something(self) -> bool {
+        self.z < f64::INFINITY
+    }
+
+    /// Two that arrive at one head, as one.
+    #[inline(always)]
+    pub fn and(self, other: Arriving) -> Arriving {
+        match (self.is_something(), other.is_something()) {
+            (true, true) => {
+                let by_both = 1.0 / (self.z + other.z);
+                Arriving { z: self.z * other.z * by_both, e: (self.e * other.z + other.e * self.z) * by_both }
+            }
+            (true, false) => self,
+            _ => other,
+        }
+    }
+
+    /// What it brings into a node of this head, m³/s.
+    #[inline(always)]
+    pub fn inflow_m3_s(self, head_m: f64) -> f64 {
+        (self.e - head_m) / self.z
+    }
+}
+
 /// Head and flow on both sides of a node.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Solved {
@@ -187,8 +217,15 @@ impl Node {
     }
 
     /// Whether it is a plain joint without elements of its own.
+    #[inline]
     pub fn is_plain(&self) -> bool {
         self.losses.is_empty() && self.shunts.is_empty()
+    }
+
+    /// Head that the losses take of a steady flow, and its derivative.
+    pub fn steady_drop_m(&self, flow_m3_s: f64) -> (f64, f64) {
+        let k: f64 = self.losses.iter().map(|l| l.k).sum();
+        (k * flow_m3_s * flow_m3_s.abs(), 2.0 * k * flow_m3_s.abs())
     }
 
     /// Head that the losses take at a flow, and its derivative.

@@ -2,7 +2,7 @@
 
 use crate::model::energy::Energy;
 use crate::model::trace::Trace;
-use crate::rig::{Regime, WaterProperties};
+use crate::rig::{Place, Regime, WaterProperties};
 
 /// The per-run parameters, in their order.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -40,7 +40,7 @@ impl Conditions {
 /// Resolution in space, and duration.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Resolution {
-    /// Number of reaches of the whole line.
+    /// Number of reaches on the way from the supply to the valve.
     pub reaches: usize,
     /// Simulated time after the start of the closure, s.
     pub duration_s: f64,
@@ -53,16 +53,17 @@ pub struct Simulated {
     pub traces: Vec<Trace>,
     /// The energy balance, if requested.
     pub energy: Option<Energy>,
-    /// Start of each segment, m from the supply.
-    pub(crate) starts_m: Vec<f64>,
+    /// Where each segment starts.
+    pub(crate) starts: Vec<Place>,
     /// Flow in each segment before the closure, m³/s.
     pub(crate) flows_m3_s: Vec<f64>,
 }
 
 impl Simulated {
-    /// Flow before the closure at a position, m³/s: it changes along the pipe at a leak.
-    pub fn steady_flow_m3_s(&self, position_m: f64) -> f64 {
-        let segment = self.starts_m.iter().rposition(|&start| position_m >= start).unwrap_or(0);
+    /// Flow before the closure at a place, m³/s: it changes along the pipe at a leak.
+    pub fn steady_flow_m3_s(&self, place: impl Into<Place>) -> f64 {
+        let Place { line, position_m } = place.into();
+        let segment = self.starts.iter().rposition(|s| s.line == line && position_m >= s.position_m).unwrap_or(0);
         self.flows_m3_s[segment]
     }
 }

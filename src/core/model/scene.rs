@@ -1,6 +1,6 @@
 //! What effects know of the rig, of a run and of a node.
 
-use crate::rig::{Rig, WaterProperties};
+use crate::rig::{Pipe, Rig, WaterProperties};
 use crate::units::GRAVITY_M_S2;
 
 /// The data from which an effect derives starts and bounds of its parameters.
@@ -11,6 +11,20 @@ pub struct Site<'a> {
     pub water: &'a WaterProperties,
     /// Theoretical period `4L/a`, s.
     pub period_s: f64,
+    /// The line on which the effect is, if it has a place.
+    pub line: usize,
+}
+
+impl Site<'_> {
+    /// Length of the effect's line, m.
+    pub fn length_m(&self) -> f64 {
+        self.rig.line_length_m(self.line)
+    }
+
+    /// The first pipe of the effect's line.
+    pub fn pipe(&self) -> &Pipe {
+        &self.rig.pipes_of(self.line)[0]
+    }
 }
 
 /// The data of a run that an effect needs.
@@ -25,6 +39,8 @@ pub struct Scene<'a> {
     pub flow_m3_s: f64,
     /// Head upstream of the valve before the closure, m.
     pub valve_head_m: f64,
+    /// The line on which the effect is, if it has a place.
+    pub line: usize,
 }
 
 /// Gauge pressure head of vapour, m: below this head above the pipe's axis, the water boils.
@@ -33,6 +49,11 @@ pub fn vapour_head_m(water: &WaterProperties) -> f64 {
 }
 
 impl Scene<'_> {
+    /// Whether a position is inside the effect's line, between its ends.
+    pub fn is_inside(&self, position_m: f64) -> bool {
+        position_m > 0.0 && position_m < self.rig.line_length_m(self.line)
+    }
+
     /// [`vapour_head_m`] of its water.
     pub fn vapour_head_m(&self) -> f64 {
         vapour_head_m(self.water)
@@ -52,8 +73,6 @@ pub const ATMOSPHERE_PA: f64 = 101_325.0;
 pub struct Spot {
     /// Share of a head loss at this node, 0 to 1: one between nodes is shared among them. A shunt is whole.
     pub share: f64,
-    /// Position, m from the supply.
-    pub position_m: f64,
     /// Elevation of the pipe's axis, m.
     pub elevation_m: f64,
     /// Cross-section of the pipe, m².

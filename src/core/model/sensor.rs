@@ -39,6 +39,7 @@ mod tests {
         let sensor = Sensor {
             name: "P".into(),
             kind: SensorKind::Pressure,
+            line: 0,
             position_m: 0.0,
             position_sd_m: 0.0,
             unit: "Pa".parse().unwrap(),

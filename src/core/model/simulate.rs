@@ -3,35 +3,36 @@
 use crate::model::attach::{Attached, attach};
 use crate::model::boundary::{Closure, ConstantHead, GivenEnd, MeasuredHead, Supply, ValveEnd};
 use crate::model::chosen::Chosen;
-use crate::model::definition::{Model, check_sensors};
+use crate::model::definition::{Model, check_places};
 use crate::model::energy::Owners;
 use crate::model::error::ModelError;
 use crate::model::friction::{ReachFriction, WallFriction};
 use crate::model::grid::{Grid, Stretch};
+use crate::model::laws::Laws;
+use crate::model::line_flows::System;
 use crate::model::memory::Need;
-use crate::model::reaches;
+use crate::model::reaches::Travel;
 use crate::model::run::{Conditions, Resolution, RunValues, Simulated};
 use crate::model::scene::Scene;
-use crate::model::solver::Line;
-use crate::model::steady::{Steady, settle};
+use crate::model::solver::Lines;
+use crate::model::steady::{Found, Given, Steady};
 use crate::model::trace::Probe;
-use crate::rig::{Pipe, Regime, Upstream};
+use crate::rig::{Place, Regime, Upstream};
 
 /// Share of the impedance that friction over one reach may take (see [`NodeFriction`](crate::model::friction::NodeFriction)).
 const MOST_FRICTION_SHARE: f64 = 0.02;
 
 impl Model<'_> {
-    /// Travel times of a wave through the pipes, and through the sections that effects make of them, from the supply on, s.
+    /// Travel times of a wave through the pipes, and through the sections that effects make of them.
     ///
     /// # Errors
     /// If a value is outside its physical range.
-    pub fn travel_s(&self, conditions: &Conditions, shared: &[f64], run: &RunValues) -> Result<Vec<f64>, ModelError> {
+    pub fn travel_s(&self, conditions: &Conditions, shared: &[f64], run: &RunValues) -> Result<Travel, ModelError> {
         self.check(shared, run)?;
-        let mut stretches = self.stretches(conditions, shared, run, 0.0);
-        for (chosen, values) in self.chosen(shared) {
-            chosen.effect.reshape(values, &mut stretches)?;
-        }
-        Ok(stretches.iter().map(|s| s.length_m / s.wave_speed_m_s).collect())
+        let lines =
+            self.reshaped(self.stretches(conditions, shared, run, &vec![0.0; self.rig.graph.lines.len()]), shared)?;
+        let of = |line: &Vec<Stretch>| line.iter().map(|s| s.length_m / s.wave_speed_m_s).collect();
+        Ok(Travel { lines_s: lines.iter().map(of).collect(), ..self.pipes_travel_s(shared) })
     }
 
     /// Fewest reaches at which no pipe, and no section that an effect makes of one, is shorter than a reach. With
@@ -45,7 +46,7 @@ impl Model<'_> {
         shared: &[f64],
         run: &RunValues,
     ) -> Result<usize, ModelError> {
-        Ok(reaches::least_reaches(&self.travel_s(conditions, shared, run)?))
+        Ok(self.travel_s(conditions, shared, run)?.least_reaches())
     }
 
     /// Simulates one run: the reading of each probe, in time after the start of the closure.
@@ -104,17 +105,17 @@ impl Model<'_> {
         with_energy: bool,
     ) -> Result<Simulated, ModelError> {
         self.check(shared, run)?;
-        let flow_m3_s = run.initial_velocity_m_s * self.rig.pipes[self.rig.pipes.len() - 1].area_m2();
-        let mut stretches = self.stretches(conditions, shared, run, flow_m3_s);
-        let travel_s: Vec<f64> = stretches.iter().map(|s| s.length_m / s.wave_speed_m_s).collect();
-        let needed = reaches::least_reaches(&travel_s);
+        let graph = &self.rig.graph;
+        let flow_m3_s = run.initial_velocity_m_s * self.rig.pipe_at_valve().area_m2();
+        let system = System::new(self.rig, flow_m3_s);
+        let line_m3_s = system.line_flows(self.rig, &conditions.water, run.friction_scale)?;
+        let needed = self.pipes_travel_s(shared).least_reaches();
         if resolution.reaches < needed {
             return Err(ModelError::TooFewReaches { reaches: resolution.reaches, needed });
         }
-        for (chosen, values) in self.chosen(shared) {
-            chosen.effect.reshape(values, &mut stretches)?;
-        }
-        let grid = Grid::new(&stretches, resolution.reaches)?;
+        let stretches = self.reshaped(self.stretches(conditions, shared, run, &line_m3_s), shared)?;
+        let way: Vec<usize> = graph.way.iter().map(|(line, _)| *line).collect();
+        let grid = Grid::new(&stretches, &way, resolution.reaches)?;
         // Two more steps: the cubic interpolation in time looks that far ahead.
         let steps = ((resolution.duration_s + self.beyond_s(shared)) / grid.dt_s).ceil() + 2.0;
         let per_step = probes.len().max(1) + if with_energy { self.effects.len() + 6 } else { 0 };
@@ -127,13 +128,13 @@ impl Model<'_> {
             dt_s: grid.dt_s,
             flow_m3_s,
             valve_head_m: run.valve_head_m,
+            line: graph.line_to_valve(),
         };
-        let Attached { grid, mut joints, mut spread, mut at_valve, owners: nodes } =
-            attach(self, grid, shared, &scene)?;
-        let frictions = reach_frictions(&grid, flow_m3_s)?;
-        let (head_m, flows) =
-            settle(&grid, &frictions, &mut joints, &mut spread, &mut at_valve, flow_m3_s, run.valve_head_m);
-        let starts_m = grid.segments.iter().map(|s| s.start_m).collect();
+        let Attached { grid, mut nodes, mut spread, owners } = attach(self, grid, shared, &scene)?;
+        let frictions = reach_frictions(&grid, resolution.reaches, &line_m3_s, flow_m3_s)?;
+        let before = Given { grid: &grid, system: &system, frictions: &frictions, valve_head_m: run.valve_head_m };
+        let Found { head_m, flow_m3_s: flows, at_m, link_m3_s } = before.settle(&mut nodes, &mut spread)?;
+        let starts = grid.segments.iter().map(|s| Place { line: s.line, position_m: s.start_m }).collect();
         let steady = Steady {
             grid: &grid,
             frictions: &frictions,
@@ -144,9 +145,9 @@ impl Model<'_> {
         };
         let mut terms = Vec::new();
         let accounts = self.effects.iter().map(|c| c.effect.name().to_owned()).collect();
-        let mut owners = Owners { accounts, nodes, valve_head_m: run.valve_head_m, ..Owners::default() };
+        let mut owners = Owners { accounts, nodes: owners, ..Owners::default() };
         let mut field = None;
-        let mut supply = self.base_supply(conditions, steady.head_m[0])?;
+        let mut supply = self.base_supply(conditions, at_m[graph.supply()])?;
         let discharge_head_m = self.rig.valve.discharge_head_m;
         let (given_head, given_law) = match given {
             GivenEnd::Nothing => (None, None),
@@ -155,7 +156,8 @@ impl Model<'_> {
         };
         let mut valve = ValveEnd {
             flow_m3_s,
-            drop_m: run.valve_head_m - discharge_head_m,
+            // Into lines that follow, by their head.
+            drop_m: run.valve_head_m - system.behind[graph.valve].map_or(discharge_head_m, |behind| at_m[behind]),
             discharge_head_m,
             closure: (self.closure)(run.closing_time_s),
             law: None,
@@ -175,36 +177,63 @@ impl Model<'_> {
         if given_law.is_some() {
             valve.law = given_law;
         }
-        let line = Line { steady: &steady, terms, field, supply, joints, spread, at_valve, valve };
+        let mut laws = Laws {
+            system: &system,
+            at_m: &at_m,
+            link_m3_s: &link_m3_s,
+            dt_s: grid.dt_s,
+            density_kg_m3: conditions.water.density_kg_m3,
+            supply: Some(supply),
+            valve: Some(valve),
+        };
+        let ends = grid.ends_at(graph);
+        let laws = ends.iter().enumerate().map(|(n, [last, first])| {
+            let sum = |of: &[usize]| of.iter().map(|&s| flows[s]).sum::<f64>();
+            let steady_m = [at_m[n], system.behind[n].map_or(at_m[n], |behind| at_m[behind])];
+            (laws.of(n, sum(last) - sum(first)), steady_m)
+        });
+        let lines = Lines { steady: &steady, terms, field, nodes, laws: laws.collect(), spread };
         let owners = with_energy.then_some(owners);
-        let (traces, energy) = line.run(steps, probes, owners).map_err(|error| self.named(error))?;
-        Ok(Simulated { traces, energy, starts_m, flows_m3_s: flows })
+        let (traces, energy) = lines.run(graph, steps, probes, owners).map_err(|error| self.named(error))?;
+        Ok(Simulated { traces, energy, starts, flows_m3_s: flows })
     }
 
-    fn stretches(&self, conditions: &Conditions, shared: &[f64], run: &RunValues, flow_m3_s: f64) -> Vec<Stretch> {
+    /// The stretches with what effects make of them.
+    fn reshaped(&self, mut lines: Vec<Vec<Stretch>>, shared: &[f64]) -> Result<Vec<Vec<Stretch>>, ModelError> {
+        for (chosen, values) in self.chosen(shared) {
+            chosen.effect.reshape(values, &mut lines[chosen.line(self.rig)])?;
+        }
+        Ok(lines)
+    }
+
+    /// The stretches of each line, one a pipe, for the flow in it.
+    fn stretches(
+        &self,
+        conditions: &Conditions,
+        shared: &[f64],
+        run: &RunValues,
+        line_m3_s: &[f64],
+    ) -> Vec<Vec<Stretch>> {
         // If some pipes are of a material that creeps, only they do.
         let any_creeps = self.rig.pipes.iter().any(|p| p.material().viscoelastic);
-        let regime = |i: usize, pipe: &Pipe| {
+        let stretch = |i: usize, flow_m3_s: f64| {
+            let pipe = &self.rig.pipes[i];
             let given = conditions.regimes.as_ref().and_then(|regimes| regimes.get(i));
-            given.copied().unwrap_or_else(|| Regime::of(pipe.reynolds(&conditions.water, flow_m3_s)))
-        };
-        self.rig
-            .pipes
-            .iter()
-            .zip(shared)
-            .enumerate()
-            .map(|(i, (pipe, &wave_speed_m_s))| Stretch {
+            let regime = given.copied().unwrap_or_else(|| Regime::of(pipe.reynolds(&conditions.water, flow_m3_s)));
+            Stretch {
                 creeps: pipe.material().viscoelastic || !any_creeps,
                 length_m: pipe.length_m,
                 diameter_m: pipe.inner_diameter_m,
                 wall_m: pipe.wall_thickness_m,
-                wave_speed_m_s,
+                wave_speed_m_s: shared[i],
                 constraint: pipe.constraint_coefficient(),
-                friction: WallFriction::in_regime(pipe, &conditions.water, flow_m3_s, regime(i, pipe))
+                friction: WallFriction::in_regime(pipe, &conditions.water, flow_m3_s, regime)
                     .scaled(run.friction_scale),
-                regime: regime(i, pipe),
-            })
-            .collect()
+                regime,
+            }
+        };
+        let lines = self.rig.graph.lines.iter().zip(line_m3_s);
+        lines.map(|(line, &flow_m3_s)| line.pipes.clone().map(|i| stretch(i, flow_m3_s)).collect()).collect()
     }
 
     fn base_supply(&self, conditions: &Conditions, steady_head_m: f64) -> Result<Box<dyn Supply>, ModelError> {
@@ -231,7 +260,7 @@ impl Model<'_> {
     }
 
     fn check(&self, shared: &[f64], run: &RunValues) -> Result<(), ModelError> {
-        check_sensors(self.rig, &self.effects)?;
+        check_places(self.rig, &self.effects)?;
         let positive = |name: &str, value: f64| match value > 0.0 && value.is_finite() {
             true => Ok(()),
             false => Err(ModelError::Value { name: name.to_owned(), value, allowed: "more than zero" }),
@@ -258,18 +287,23 @@ impl Model<'_> {
     }
 }
 
-/// The friction of every segment, checked against the resolution of the scheme.
-fn reach_frictions(grid: &Grid, flow_m3_s: f64) -> Result<Vec<ReachFriction>, ModelError> {
-    let total: usize = grid.segments.iter().map(|s| s.reaches).sum();
+/// The friction of every segment, checked against the resolution of the scheme. Tables reach to the flow at the valve, whose stop sends it everywhere.
+fn reach_frictions(
+    grid: &Grid,
+    reaches: usize,
+    line_m3_s: &[f64],
+    valve_m3_s: f64,
+) -> Result<Vec<ReachFriction>, ModelError> {
     grid.segments
         .iter()
         .map(|segment| {
-            let largest_u = 2.0 * segment.impedance * flow_m3_s;
+            let own_m3_s = line_m3_s[segment.line].abs();
+            let largest_u = 2.0 * segment.impedance * own_m3_s.max(valve_m3_s.abs());
             let laws = segment.parts.iter().map(|(s, _)| &s.friction);
             let friction = ReachFriction::new(laws, |q| segment.reach_loss_m(q), segment.impedance, largest_u);
-            let share = friction.largest_share(0.5 * largest_u);
+            let share = friction.largest_share(segment.impedance * own_m3_s) / (1.0 + segment.late);
             if share > MOST_FRICTION_SHARE {
-                let needed = (total as f64 * share / MOST_FRICTION_SHARE).ceil() as usize;
+                let needed = (reaches as f64 * share / MOST_FRICTION_SHARE).ceil() as usize;
                 return Err(ModelError::FrictionTooCoarse { share, needed });
             }
             Ok(friction)

@@ -1,95 +1,78 @@
-//! One simulation: steps the line with its ends and joints from the start of the closure.
+//! One simulation: steps the lines with their joints and nodes from the start of the closure.
 
-use crate::model::boundary::{Supply, ValveEnd};
 use crate::model::contribution::{Implicit, LineTerm, NodeField};
 use crate::model::end::End;
 use crate::model::energy::{Balance, Energy, Owners};
 use crate::model::error::ModelError;
-use crate::model::node::{Arriving, Node, Spread};
+use crate::model::grid::Grid;
+use crate::model::joint::Joints;
+use crate::model::junction::{Junction, Law, Side};
+use crate::model::late::Late;
+use crate::model::node::{Node, Spread};
 use crate::model::state::{Reading, State};
 use crate::model::steady::Steady;
 use crate::model::stop::Heeded;
 use crate::model::trace::{Probe, Trace};
+use crate::rig::Graph;
 
-/// Rounds in which elements that meet at a joint learn of each other's flows. A round gains digits: what one takes at once changes the other's head little.
-const SWEEPS: usize = 4;
-
-/// The line with everything on it.
-pub struct Line<'a> {
+/// All lines with everything on them.
+pub struct Lines<'a> {
     /// Steady state, grid and friction.
     pub steady: &'a Steady<'a>,
     /// Terms along the line.
     pub terms: Vec<Box<dyn LineTerm>>,
     /// Takes water out of every node.
     pub field: Option<Box<dyn NodeField>>,
-    /// Upstream end.
-    pub supply: Box<dyn Supply>,
-    /// The joints between segments, one fewer than there are segments.
-    pub joints: Vec<Node>,
-    /// Elements over several joints.
+    /// Elements behind each segment, then those at the nodes of the graph.
+    pub nodes: Vec<Node>,
+    /// The law of each node of the graph, and its heads before the closure ([`Junction`]).
+    pub laws: Vec<(Law, [f64; 2])>,
+    /// Elements over several nodes behind segments.
     pub spread: Vec<Spread>,
-    /// The node at the pipe's end, before the valve.
-    pub at_valve: Node,
-    /// Downstream end.
-    pub valve: ValveEnd,
 }
 
-/// The two ends of each segment.
-struct Ends<'a> {
-    first: Vec<End<'a, false>>,
-    last: Vec<End<'a, true>>,
+/// What is stepped.
+struct Stepped<'a> {
+    steady: &'a Steady<'a>,
+    terms: Vec<Box<dyn LineTerm>>,
+    field: Option<Box<dyn NodeField>>,
+    joints: Joints<'a>,
+    junctions: Vec<Junction<'a>>,
 }
 
-/// The characteristics that meet at a joint.
-#[derive(Clone, Copy)]
-struct Meeting {
-    left: Arriving,
-    right: Arriving,
-    /// `1/(z + z)`.
-    by_both: f64,
-}
-
-impl<'a> Line<'a> {
+impl<'a> Lines<'a> {
     /// Simulates `steps` steps and returns the reading of each probe; with `owners` also the energy balance.
     ///
     /// # Errors
     /// If the solution stops being finite.
     pub fn run(
-        mut self,
+        self,
+        graph: &Graph,
         steps: usize,
         probes: &[Probe],
         owners: Option<Owners>,
     ) -> Result<(Vec<Trace>, Option<Energy>), ModelError> {
         let grid = self.steady.grid;
-        let sweeps = self.sweeps();
         let heads_only = probes.iter().all(|p| matches!(p, Probe::Head(_)));
         let mut state = self.initial_state(heads_only && owners.is_none());
         let mut balance = owners.map(|owners| Balance::new(self.steady, owners, &self.terms, &state, steps));
         let readings: Vec<Reading> = probes.iter().map(|&probe| Reading::new(probe, self.steady)).collect();
-        let ends = self.ends(&state);
-        let mut meetings = Vec::with_capacity(self.joints.len());
+        let mut lines = self.stepped(graph, &state);
         let mut traces: Vec<Trace> = readings.iter().map(|_| Trace::with_capacity(grid.dt_s, steps + 1)).collect();
         state.read(&mut traces, &readings);
         let heeded = Heeded::by_this_thread();
         for step in 1..=steps {
             heeded.stop_if_told();
             let time_s = step as f64 * grid.dt_s;
-            self.step(&mut state, &ends, &mut meetings, time_s, sweeps, balance.as_mut());
+            lines.step(&mut state, time_s, balance.as_mut());
             state.read(&mut traces, &readings);
-            // At the valve, which all waves reach within L/a; the whole line once, at the end.
+            // At the end of the last line, which all waves reach within L/a; everywhere once, at the end.
             let seen = if step < steps { state.fwd.len() - 1..state.fwd.len() } else { 0..state.fwd.len() };
             if !seen.into_iter().all(|i| state.fwd[i].is_finite() && state.bwd[i].is_finite()) {
-                return Err(self.not_finite(&state, time_s));
+                return Err(not_finite(grid, &state, time_s));
             }
         }
         Ok((traces, balance.map(Balance::close)))
-    }
-
-    fn not_finite(&self, state: &State, time_s: f64) -> ModelError {
-        let bad = (0..state.fwd.len()).find(|&i| !(state.fwd[i].is_finite() && state.bwd[i].is_finite())).unwrap_or(0);
-        let segment = self.steady.grid.segments.iter().find(|s| s.nodes().contains(&bad));
-        let position_m = segment.map_or(0.0, |s| s.start_m + s.reach_m * (bad - s.offset) as f64);
-        ModelError::NotFinite { time_s, position_m, effects: String::new() }
     }
 
     fn initial_state(&self, heads_only: bool) -> State {
@@ -119,6 +102,7 @@ impl<'a> Line<'a> {
             inner_frictions.push(inner);
             implicit.push(total);
         }
+        let late = Late::of(grid, &fwd, &bwd);
         let elastic = self.terms.is_empty() && self.field.is_none() && heads_only;
         State {
             new_fwd: fwd.clone(),
@@ -131,6 +115,7 @@ impl<'a> Line<'a> {
             momentum,
             outflow: vec![0.0; n],
             scratch: vec![0.0; n],
+            late,
             elastic,
             steady_half_loss,
             implicit,
@@ -138,96 +123,52 @@ impl<'a> Line<'a> {
         }
     }
 
-    /// How often the flows of elements over several joints are computed in a step: once, unless two of them meet.
-    fn sweeps(&self) -> usize {
-        let meet = |a: &Spread, b: &Spread| a.at.iter().any(|(s, _)| b.at.iter().any(|(t, _)| s == t));
-        let met = self.spread.iter().enumerate().any(|(i, a)| self.spread[..i].iter().any(|b| meet(a, b)));
-        if met { SWEEPS } else { 1 }
+    /// Resolves the ends of all segments, once for all steps.
+    fn stepped(self, graph: &Graph, state: &State) -> Stepped<'a> {
+        let Lines { steady, terms, field, mut nodes, laws, mut spread } = self;
+        let grid = steady.grid;
+        let mut at_graph = nodes.split_off(grid.segments.len());
+        // The last segment of a line has no joint behind it.
+        spread.iter_mut().flat_map(|one| &mut one.at).for_each(|(s, _)| *s -= grid.segments[*s].line);
+        let joints = grid.joints().map(|s| {
+            let (left, right) = (End::new(steady, state, s), End::new(steady, state, s + 1));
+            (left, right, std::mem::take(&mut nodes[s]), s)
+        });
+        let joints = Joints::new(joints, spread);
+        let junctions = grid.ends_at(graph).into_iter().zip(laws).zip(&mut at_graph).enumerate();
+        let junctions = junctions.map(|(n, (([last, first], (law, steady_m)), node))| Junction {
+            last: Side::new(last.into_iter().map(|s| End::new(steady, state, s))),
+            first: Side::new(first.into_iter().map(|s| End::new(steady, state, s))),
+            law,
+            node: std::mem::take(node),
+            index: grid.segments.len() + n,
+            steady_m,
+        });
+        Stepped { steady, terms, field, joints, junctions: junctions.collect() }
     }
+}
 
-    fn ends(&self, state: &State) -> Ends<'a> {
-        let segments = 0..self.steady.grid.segments.len();
-        Ends {
-            first: segments.clone().map(|s| End::new(self.steady, state, s)).collect(),
-            last: segments.map(|s| End::new(self.steady, state, s)).collect(),
-        }
-    }
+fn not_finite(grid: &Grid, state: &State, time_s: f64) -> ModelError {
+    let bad = (0..state.fwd.len()).find(|&i| !(state.fwd[i].is_finite() && state.bwd[i].is_finite())).unwrap_or(0);
+    let segment = grid.segments.iter().find(|s| s.nodes().contains(&bad));
+    let position_m = segment.map_or(0.0, |s| s.start_m + s.reach_m * (bad - s.offset) as f64);
+    ModelError::NotFinite { time_s, position_m, effects: String::new() }
+}
 
-    fn step(
-        &mut self,
-        state: &mut State,
-        Ends { first, last }: &Ends,
-        meetings: &mut Vec<Meeting>,
-        time_s: f64,
-        sweeps: usize,
-        mut balance: Option<&mut Balance>,
-    ) {
-        for (s, segment) in self.steady.grid.segments.iter().enumerate().filter(|(_, segment)| segment.reaches > 1) {
+impl Stepped<'_> {
+    fn step(&mut self, state: &mut State, time_s: f64, mut balance: Option<&mut Balance>) {
+        let grid = self.steady.grid;
+        state.pass_late();
+        for (s, segment) in grid.segments.iter().enumerate().filter(|(_, segment)| segment.reaches > 1) {
             match &mut self.field {
                 None => state.interior(s, segment.nodes()),
                 Some(field) => state.interior_with(field.as_mut(), s, segment),
             }
         }
-        // Supply: the first node of the first segment.
-        let reached = first[0].arriving(state);
-        let head = self.supply.head_m(time_s);
-        let flow = (head - reached.e) / reached.z;
-        first[0].leave(state, head, flow);
-        if let Some(balance) = &mut balance {
-            balance.supply(state.h[0], flow);
+        for junction in &mut self.junctions {
+            junction.step(state, (time_s, grid.dt_s), &mut balance);
         }
-        // Joints.
-        meetings.clear();
-        meetings.extend(last.iter().zip(&first[1..]).map(|(before, behind)| {
-            let (left, right) = (before.arriving(state), behind.arriving(state));
-            Meeting { left, right, by_both: 1.0 / (left.z + right.z) }
-        }));
-        for _ in 0..sweeps {
-            self.find_spread(state, first, meetings);
-        }
-        for (s, &Meeting { left, right, by_both }) in meetings.iter().enumerate() {
-            let joint = &mut self.joints[s];
-            if joint.is_plain() {
-                let flow = (left.e - right.e - left.z * joint.taken_m3_s) * by_both;
-                let head = right.e + right.z * flow;
-                last[s].leave(state, head, flow + joint.taken_m3_s);
-                first[s + 1].leave(state, head, flow);
-                continue;
-            }
-            let solved = joint.find_between(left, right, first[s + 1].head_m(state));
-            if let Some(balance) = &mut balance {
-                balance.node(s, joint, &solved);
-            }
-            joint.advance(&solved);
-            last[s].leave(state, solved.left_head_m, solved.left_flow_m3_s);
-            first[s + 1].leave(state, solved.right_head_m, solved.right_flow_m3_s);
-        }
-        for one in &mut self.spread {
-            if let Some(balance) = &mut balance {
-                balance.spread(one, state);
-            }
-            one.advance();
-        }
-        // Valve: the last node of the last segment.
-        let s = last.len() - 1;
-        let (reached, outlet) = (last[s].arriving(state), self.valve.at(time_s));
-        if self.at_valve.is_plain() {
-            let flow = outlet.flow_m3_s(reached.z, reached.e);
-            let head = reached.e - reached.z * flow;
-            last[s].leave(state, head, flow);
-            if let Some(balance) = &mut balance {
-                balance.valve(head, flow);
-            }
-        } else {
-            let solved = self.at_valve.find(reached, |h| outlet.flow_at_m3_s(h), last[s].head_m(state));
-            if let Some(balance) = &mut balance {
-                balance.node(s, &self.at_valve, &solved);
-                balance.valve(solved.right_head_m, solved.right_flow_m3_s);
-            }
-            self.at_valve.advance(&solved);
-            last[s].leave(state, solved.left_head_m, solved.left_flow_m3_s);
-        }
-
+        self.joints.step(state, &mut balance);
         match balance {
             Some(balance) => {
                 balance.line(state);
@@ -238,29 +179,6 @@ impl<'a> Line<'a> {
         }
         std::mem::swap(&mut state.fwd, &mut state.new_fwd);
         std::mem::swap(&mut state.bwd, &mut state.new_bwd);
-    }
-
-    /// Finds the flows of elements over several joints. Where two of them meet, each sees what the other takes.
-    fn find_spread(&mut self, state: &State, first: &[End<false>], meetings: &[Meeting]) {
-        for one in &mut self.spread {
-            let (mut free_m, mut z) = (0.0, 0.0);
-            for &(s, weight) in &one.at {
-                let (joint, Meeting { left, right, by_both }) = (&mut self.joints[s], meetings[s]);
-                joint.taken_m3_s -= weight * one.flow_m3_s;
-                let own = left.z * right.z * by_both;
-                let head_m = if joint.is_plain() {
-                    (left.e * right.z + right.e * left.z) * by_both - own * joint.taken_m3_s
-                } else {
-                    joint.find_between(left, right, first[s + 1].head_m(state)).right_head_m
-                };
-                free_m += weight * head_m;
-                z += weight * weight * own;
-            }
-            one.find(free_m, z);
-            for &(s, weight) in &one.at {
-                self.joints[s].taken_m3_s += weight * one.flow_m3_s;
-            }
-        }
     }
 
     fn advance_terms(&mut self, state: &mut State) {

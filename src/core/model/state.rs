@@ -5,6 +5,7 @@ use crate::model::friction::ReachFriction;
 use crate::model::grid::{Segment, Stencil};
 use crate::model::kernel;
 use crate::model::kernel::Terms;
+use crate::model::late::Late;
 use crate::model::steady::Steady;
 use crate::model::trace::{Probe, Trace};
 
@@ -21,6 +22,8 @@ pub(crate) struct State {
     /// Outflow of each node where there is a node field, m³/s.
     pub(crate) outflow: Vec<f64>,
     pub(crate) scratch: Vec<f64>,
+    /// Filters of the reaches that take longer than a step.
+    pub(crate) late: Vec<Late>,
     /// No line terms and no flow to read: heads of interior nodes are not stored but read from the waves.
     pub(crate) elastic: bool,
     /// Half of the steady flow's loss over one reach, `½R0`, of each segment, m.
@@ -32,6 +35,14 @@ pub(crate) struct State {
 }
 
 impl State {
+    /// Delays the waves in late reaches.
+    #[inline]
+    pub(crate) fn pass_late(&mut self) {
+        for late in &mut self.late {
+            late.pass(&mut self.fwd, &mut self.bwd);
+        }
+    }
+
     /// Steps the nodes of a segment between its ends.
     #[inline]
     pub(crate) fn interior(&mut self, segment: usize, nodes: std::ops::Range<usize>) {
@@ -121,7 +132,7 @@ enum Quantity<'a> {
 
 impl<'a> Reading<'a> {
     pub(crate) fn new(probe: Probe, steady: &'a Steady) -> Reading<'a> {
-        let stencil = steady.grid.stencil(probe.position_m());
+        let stencil = steady.grid.stencil(probe.place());
         let of = match probe {
             Probe::Head(_) => Quantity::Head(&steady.head_m),
             Probe::Flow(_) => Quantity::Flow { by_u: 1.0 / steady.grid.segments[stencil.segment].impedance },

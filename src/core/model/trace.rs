@@ -1,5 +1,6 @@
 //! Result of a simulation at a probe: head or flow step by step, and its value at any time.
 
+use crate::rig::Place;
 use crate::wide::widened;
 
 /// Head or flow at one place.
@@ -102,20 +103,30 @@ widened! {
     }
 }
 
-/// A quantity and its place, m from the supply.
+/// A quantity and its place.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Probe {
     /// Head, m.
-    Head(f64),
-    /// Flow, m³/s.
-    Flow(f64),
+    Head(Place),
+    /// Flow, m³/s, from the line's beginning to its end.
+    Flow(Place),
 }
 
 impl Probe {
-    /// Its position, m from the supply.
-    pub fn position_m(self) -> f64 {
-        let (Probe::Head(x) | Probe::Flow(x)) = self;
-        x
+    /// The head at a place; in a rig in series, m from the supply.
+    pub fn head(place: impl Into<Place>) -> Probe {
+        Probe::Head(place.into())
+    }
+
+    /// The flow at a place; in a rig in series, m from the supply.
+    pub fn flow(place: impl Into<Place>) -> Probe {
+        Probe::Flow(place.into())
+    }
+
+    /// Its place.
+    pub fn place(self) -> Place {
+        let (Probe::Head(place) | Probe::Flow(place)) = self;
+        place
     }
 }
 

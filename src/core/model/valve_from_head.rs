@@ -8,6 +8,7 @@ use crate::model::definition::Model;
 use crate::model::error::ModelError;
 use crate::model::run::{Conditions, Resolution, RunValues};
 use crate::model::trace::{Probe, Trace};
+use crate::rig::Place;
 
 /// Velocity at the valve and relative opening, step by step.
 #[derive(Debug, Clone, PartialEq)]
@@ -45,11 +46,11 @@ pub fn valve_from_head(
         return Err(ModelError::NoValveHead);
     }
     let head = move |time_s: f64| linear(&samples, time_s);
-    let end_m = model.rig.length_m();
-    let probes = [Probe::Head(end_m), Probe::Flow(end_m)];
+    let valve = model.rig.valve_place();
+    let probes = [Probe::head(valve), Probe::flow(valve)];
     let traces = model.driven(conditions, shared, run, resolution, &probes, GivenEnd::Head(Box::new(head)))?.traces;
     let [heads, flows] = &traces[..] else { return Err(ModelError::NoValveHead) };
-    let area_m2 = model.rig.pipes.last().map_or(f64::NAN, crate::rig::Pipe::area_m2);
+    let area_m2 = model.rig.pipe_at_valve().area_m2();
     let discharge_m = model.rig.valve.discharge_head_m;
     let drop_m = run.valve_head_m - discharge_m;
     let kept = ((resolution.duration_s / heads.dt_s).ceil() as usize + 1).min(heads.values.len());
@@ -68,7 +69,7 @@ pub fn valve_from_head(
     Ok(ValveCurve { time_s: (0..kept).map(|i| heads.dt_s * i as f64).collect(), velocity_m_s, opening })
 }
 
-/// What a sensor at `place_m` shows where the valve closes by `law`, the opening after a part of `run`'s closing time (0 to 1), whatever the model says of
+/// What a sensor at `place` shows where the valve closes by `law`, the opening after a part of `run`'s closing time (0 to 1), whatever the model says of
 /// its valve.
 ///
 /// # Errors
@@ -79,10 +80,10 @@ pub fn head_from_valve(
     shared: &[f64],
     run: &RunValues,
     resolution: Resolution,
-    place_m: f64,
+    place: Place,
     law: OpeningLaw,
 ) -> Result<Trace, ModelError> {
-    let probes = [Probe::Head(place_m)];
+    let probes = [Probe::head(place)];
     let mut traces = model.driven(conditions, shared, run, resolution, &probes, GivenEnd::Law(law))?.traces;
     Ok(traces.swap_remove(0))
 }

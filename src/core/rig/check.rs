@@ -99,14 +99,14 @@ fn check_size(pipe: &Pipe) -> Option<Finding> {
 
 /// Travel time of a wave from the valve to the supply and back, s: 2 Σ L/a.
 pub fn return_time_s(rig: &Rig, water: &WaterProperties) -> f64 {
-    rig.pipes.iter().map(|p| 2.0 * p.length_m / p.wave_speed_start(water).0).sum()
+    rig.way_pipes().map(|p| 2.0 * p.length_m / p.wave_speed_start(water).0).sum()
 }
 
 /// Steady wall friction between two positions, m: Darcy–Weisbach with the file's friction factor or Colebrook–White's.
 pub fn friction_loss_m(rig: &Rig, from_m: f64, to_m: f64, flow_m3_s: f64, water: &WaterProperties) -> f64 {
     let mut start_m = 0.0;
     let mut loss_m = 0.0;
-    for pipe in &rig.pipes {
+    for pipe in rig.way_pipes() {
         let end_m = start_m + pipe.length_m;
         let stretch_m = (to_m.min(end_m) - from_m.max(start_m)).max(0.0);
         loss_m += stretch_m * friction_slope(pipe, flow_m3_s, water);
@@ -338,12 +338,12 @@ fn check_supply(rig: &Rig, subject: String, supply_m: f64, flow: f64, water: &Wa
 
 /// Would a quick closure drive the pressure at the valve out of the sensors' ranges, or make the water boil?
 fn check_surge(rig: &Rig, subject: String, supply_m: f64, flow: f64, water: &WaterProperties) -> Option<Finding> {
-    let pipe = rig.pipes.last()?;
+    let pipe = rig.pipe_at_valve();
     let velocity = flow / pipe.area_m2();
     let joukowsky = pipe.wave_speed_start(water).0 * velocity / GRAVITY_M_S2;
     // a slow linear closure: the rigid-column share of Joukowsky's head (Michaud), with the same flow
     let share = (return_time_s(rig, water) / rig.valve.closing_time_s).min(1.0);
-    let elevation = rig.elevation_m(rig.length_m());
+    let elevation = rig.elevation_m(rig.valve_place());
     let weight = water.density_kg_m3 * GRAVITY_M_S2;
     // after the closure the pressure swings about the head of the supply
     let gauge_pa = |head_m: f64| (head_m - elevation) * weight;
@@ -353,7 +353,7 @@ fn check_surge(rig: &Rig, subject: String, supply_m: f64, flow: f64, water: &Wat
         "closing stops {velocity:.2} m/s: {:.1} m above and below the supply's {supply_m:.1} m",
         share * joukowsky
     );
-    let near_valve = |s: &&Sensor| s.kind == SensorKind::Pressure && s.position_m > 0.9 * rig.length_m();
+    let near_valve = |s: &&Sensor| s.kind == SensorKind::Pressure && rig.on_way_m(s.place()) > 0.9 * rig.length_m();
     let saturated = rig.sensors.iter().filter(near_valve).find_map(|s| {
         let [_, hi] = s.range?;
         let shown = s.unit.from_si(peak, water.density_kg_m3);

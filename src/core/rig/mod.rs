@@ -22,9 +22,11 @@ pub(crate) mod device;
 pub mod draft;
 pub(crate) mod error;
 pub mod friction;
+pub(crate) mod graph;
 pub mod limits;
 pub(crate) mod live;
 pub mod material;
+pub(crate) mod network;
 pub(crate) mod parse;
 pub(crate) mod sensors;
 pub mod sizes;
@@ -33,6 +35,7 @@ pub(crate) mod types;
 pub(crate) mod unique;
 pub(crate) mod wall;
 pub mod water;
+pub(crate) mod way;
 
 pub use crate::rig::device::{
     Command, Device, Encoding, Framing, Parity, Port, Protocol, Register, Serial, TimeUnit, Wiring,
@@ -41,6 +44,7 @@ pub use crate::rig::error::{Problem, RigError};
 pub use crate::rig::friction::{
     CERTAINLY_LAMINAR_REYNOLDS, LAMINAR_REYNOLDS, Regime, darcy_friction_factor, turbulent_friction_factor,
 };
+pub use crate::rig::graph::{Drive, Graph, Line, Node, NodeKind, Opening, Place, Pump, PumpCurve, at_time};
 pub use crate::rig::sensors::{quantity_of, spelled_unit};
 pub use crate::rig::types::{
     Constraint, Coupling, Fluid, Pipe, Rig, Sensor, SensorKind, SteadyState, Tolerance, Upstream, Valve,

@@ -6,15 +6,18 @@ use toml::de::{DeTable, DeValue};
 
 use crate::rig::device::Port;
 use crate::rig::error::RigError;
+use crate::rig::graph::Graph;
+use crate::rig::network::Nodes;
 use crate::rig::table::Limits;
-use crate::rig::table::{FINITE, NOT_NEGATIVE, POSITIVE, Section, Source, nearest};
+use crate::rig::table::{At, FINITE, NOT_NEGATIVE, POSITIVE, Section, Source, nearest, share};
 use crate::rig::types::{Constraint, Fluid, Pipe, Rig, SteadyState, Tolerance, Upstream, Valve};
 use crate::rig::unique::Names;
-use crate::rig::{live, material, sensors};
+use crate::rig::{live, material, network, sensors};
 use crate::shown::Shown as _;
 use crate::text_file::read_text;
 
-const TOP: &[&str] = &["name", "fluid", "pipe", "upstream", "downstream", "sensor", "device", "steady", "tolerance"];
+const TOP: &[&str] =
+    &["name", "fluid", "pipe", "upstream", "downstream", "sensor", "device", "steady", "tolerance", "node"];
 const FLUID: &[&str] = &["name", "temperature_degC"];
 const PIPE: &[&str] = &[
     "name",
@@ -32,6 +35,8 @@ const PIPE: &[&str] = &[
     "length_tolerance_percent",
     "inner_diameter_tolerance_percent",
     "wall_thickness_tolerance_percent",
+    "from",
+    "to",
 ];
 const UPSTREAM: &[&str] = &["kind"];
 const DOWNSTREAM: &[&str] = &["kind", "closing_time_s", "discharge_head_m", "closing_time_tolerance_percent"];
@@ -41,7 +46,7 @@ const STEADY: &[&str] =
 const TOLERANCE: &[&str] = &["length_percent", "diameter_percent", "position_percent"];
 
 /// Which keys belong in which table.
-const HOMES: [(&str, &[&str]); 8] = [
+const HOMES: [(&str, &[&str]); 9] = [
     ("[[pipe]]", PIPE),
     ("[[sensor]]", sensors::KEYS),
     ("[[device]]", live::DEVICE_KEYS),
@@ -50,11 +55,11 @@ const HOMES: [(&str, &[&str]); 8] = [
     ("[upstream]", UPSTREAM),
     ("[[steady]]", STEADY),
     ("[tolerance]", TOLERANCE),
+    ("[[node]]", network::KEYS),
 ];
 
 const TEMPERATURE: Limits = Limits { holds: |v| (0.0..=100.0).contains(&v), words: "a temperature from 0 to 100 degC" };
 const POISSON: Limits = Limits { holds: |v| v > 0.0 && v < 0.5, words: "a number between 0 and 0.5" };
-const SHARE: Limits = Limits { holds: |v| (0.0..=50.0).contains(&v), words: "a percentage from 0 to 50" };
 const FRICTION: Limits = Limits { holds: |v| (0.0..=1.0).contains(&v), words: "a Darcy friction factor from 0 to 1" };
 const WAVE_SPEED: Limits = Limits {
     holds: |v| v > 0.0 && v <= 1600.0,
@@ -130,9 +135,65 @@ fn read(source: &Source<'_>) -> Option<Rig> {
     let fluid = single(source, top, "fluid", "[fluid]", FLUID).and_then(|section| read_fluid(&section));
     let tolerance = top.contains_key("tolerance").then(|| single(source, top, "tolerance", "[tolerance]", TOLERANCE));
     let usual = tolerance.flatten().map_or(USUAL, |section| read_tolerance(&section));
-    let pipes = read_pipes(&many(source, top, "pipe", "[[pipe]]", PIPE), usual.0);
+    let node_sections = many(source, top, "node", "[[node]]", network::KEYS);
+    let pipe_sections = many(source, top, "pipe", "[[pipe]]", PIPE);
+    let has_nodes = top.contains_key("node");
+    let nodes = has_nodes.then(|| Nodes::read(&node_sections));
+    let pipes = read_pipes(&pipe_sections, usual.0, nodes.as_ref());
     if pipes.is_none() && !top.contains_key("pipe") {
         source.report(None, "missing [[pipe]]: at least one pipe, from the supply to the valve");
+    }
+    let devices = live::read_devices(&many(source, top, "device", "[[device]]", live::DEVICE_KEYS));
+    let joined = match nodes {
+        Some(nodes) => read_network(source, top, &pipe_sections, nodes, pipes.as_deref()),
+        None => read_series(source, top, &pipe_sections, pipes.as_deref()),
+    };
+    let layout = joined.as_ref().zip(pipes.as_deref());
+    let layout = layout.map(|(joined, pipes)| sensors::Layout { graph: &joined.graph, pipes, has_nodes });
+    let sensor_sections = many(source, top, "sensor", "[[sensor]]", sensors::KEYS);
+    let sensors = sensors::read_sensors(&sensor_sections, layout.as_ref(), usual.1, &devices);
+    // a faulty sensor might have been the pressure sensor
+    if sensors.len() == sensor_sections.len() {
+        sensors::check_pressure(source, &sensors, joined.as_ref().map(|joined| &joined.upstream));
+    }
+    let steady = many(source, top, "steady", "[[steady]]", STEADY).iter().filter_map(read_steady).collect();
+
+    let Joined { graph, upstream, valve } = joined?;
+    Some(Rig {
+        name: name?.value.to_owned(),
+        fluid: fluid?,
+        graph,
+        pipes: pipes?,
+        upstream: upstream.value,
+        valve,
+        sensors,
+        devices: devices.into_iter().filter_map(|(_, device)| device).collect(),
+        steady,
+        source: source.text.to_owned(),
+    })
+}
+
+/// How the pipes are joined, and what is at their ends.
+struct Joined {
+    graph: Graph,
+    upstream: At<Upstream>,
+    valve: Valve,
+}
+
+/// Pipes in series, from `[upstream]` to `[downstream]`.
+fn read_series<'a>(
+    source: &'a Source<'a>,
+    top: &'a DeTable<'a>,
+    pipe_sections: &[Section<'_>],
+    pipes: Option<&[Pipe]>,
+) -> Option<Joined> {
+    for (section, key) in pipe_sections.iter().flat_map(|section| [(section, "from"), (section, "to")]) {
+        if let Some(place) = section.place_of(key) {
+            section.fault_at(
+                &place,
+                format!("'{key}' names a [[node]], and the file has none; without nodes the pipes are in series"),
+            );
+        }
     }
     let upstream = single(source, top, "upstream", "[upstream]", UPSTREAM).and_then(|section| {
         let kinds = [("reservoir", Upstream::Reservoir), ("pump", Upstream::Pump), ("measured", Upstream::Measured)];
@@ -146,27 +207,43 @@ fn read(source: &Source<'_>) -> Option<Rig> {
         kind?;
         Some(Valve { closing_time_s: closing_time_s?, discharge_head_m, closing_time_tolerance })
     });
-    let devices = live::read_devices(&many(source, top, "device", "[[device]]", live::DEVICE_KEYS));
-    let total_m = pipes.as_ref().map(|p| p.iter().map(|p| p.length_m).sum());
-    let sensor_sections = many(source, top, "sensor", "[[sensor]]", sensors::KEYS);
-    let sensors = sensors::read_sensors(&sensor_sections, total_m, usual.1, &devices);
-    // a faulty sensor might have been the pressure sensor
-    if sensors.len() == sensor_sections.len() {
-        sensors::check_pressure(source, &sensors, upstream.as_ref());
-    }
-    let steady = many(source, top, "steady", "[[steady]]", STEADY).iter().filter_map(read_steady).collect();
+    Some(Joined { graph: Graph::in_series(pipes?.len()), upstream: upstream?, valve: valve? })
+}
 
-    Some(Rig {
-        name: name?.value.to_owned(),
-        fluid: fluid?,
-        pipes: pipes?,
-        upstream: upstream?.value,
-        valve: valve?,
-        sensors,
-        devices: devices.into_iter().filter_map(|(_, device)| device).collect(),
-        steady,
-        source: source.text.to_owned(),
-    })
+/// Pipes between nodes.
+fn read_network(
+    source: &Source<'_>,
+    top: &DeTable<'_>,
+    pipe_sections: &[Section<'_>],
+    nodes: Nodes<'_>,
+    pipes: Option<&[Pipe]>,
+) -> Option<Joined> {
+    for key in ["upstream", "downstream"] {
+        if let Some(value) = top.get(key) {
+            let message =
+                format!("a rig with [[node]] has no [{key}]: its nodes say what feeds the pipes and what closes them");
+            source.report(Some(value.span()), message);
+        }
+    }
+    let end = |section: &Section<'_>, key: &str| nodes.named(section, key, "the name of a [[node]]");
+    let mut ends = Vec::new();
+    for section in pipe_sections {
+        let (from, to) = (end(section, "from"), end(section, "to"));
+        if let (Some(from), Some(place)) = (from, section.place_of("to"))
+            && to == Some(from)
+        {
+            section.fault_at(&place, "the pipe ends at the node where it begins");
+            continue;
+        }
+        ends.push(from.zip(to));
+    }
+    let ends: Vec<(usize, usize)> = ends.into_iter().collect::<Option<_>>()?;
+    let lengths_m: Vec<f64> = pipes?.iter().map(|p| p.length_m).collect();
+    if ends.len() != lengths_m.len() {
+        return None;
+    }
+    let (graph, valve) = nodes.join(source, &ends, &lengths_m)?;
+    Some(Joined { graph, upstream: At { value: Upstream::Reservoir, place: 0..0 }, valve })
 }
 
 /// Whether the first line with content names the columns of a CSV file. A line of TOML has a bracket or an equals sign.
@@ -227,12 +304,14 @@ fn read_fluid(section: &Section<'_>) -> Option<Fluid> {
     Some(Fluid { name: name?.value.to_owned(), temperature_degc: temperature_degc? })
 }
 
-fn read_pipes(sections: &[Section<'_>], usual: Tolerance) -> Option<Vec<Pipe>> {
+fn read_pipes(sections: &[Section<'_>], usual: Tolerance, nodes: Option<&Nodes<'_>>) -> Option<Vec<Pipe>> {
     let mut names = Names::new("pipe");
     let mut end_m = 0.0;
     let mut pipes = Vec::new();
     for (i, section) in sections.iter().enumerate() {
-        let pipe = read_pipe(section, &mut names, (i > 0).then_some(end_m), usual);
+        let at = |key: &str| nodes.and_then(|nodes| nodes.elevation_of(section.peek_text(key)?));
+        let joins_m = if nodes.is_some() { at("from") } else { (i > 0).then_some(end_m) };
+        let pipe = read_pipe(section, &mut names, (joins_m, at("to")), usual);
         end_m = pipe.as_ref().map_or(end_m, |p| p.elevation_end_m);
         pipes.push(pipe);
     }
@@ -240,8 +319,13 @@ fn read_pipes(sections: &[Section<'_>], usual: Tolerance) -> Option<Vec<Pipe>> {
     pipes.filter(|p| !p.is_empty())
 }
 
-/// `joins_at_m` is the elevation at which the previous pipe ends.
-fn read_pipe(section: &Section<'_>, names: &mut Names, joins_at_m: Option<f64>, usual: Tolerance) -> Option<Pipe> {
+/// `joins_at_m` and `ends_at_m` are the elevations of what the pipe joins, where they are known.
+fn read_pipe(
+    section: &Section<'_>,
+    names: &mut Names,
+    (joins_at_m, ends_at_m): (Option<f64>, Option<f64>),
+    usual: Tolerance,
+) -> Option<Pipe> {
     let name = section.required_text("name", "the pipe's name");
     names.check(section, name.as_ref());
     let length_m = section.required_number("length_m", &POSITIVE);
@@ -277,16 +361,19 @@ fn read_pipe(section: &Section<'_>, names: &mut Names, joins_at_m: Option<f64>, 
     {
         section.fault_at(&place, format!("a roughness of {r} mm is over a tenth of the diameter ({d} mm)"));
     }
+    let before = if section.place_of("from").is_some() { "its node is" } else { "the one before it ends" };
     let elevation_start_m = section.number("elevation_start_m", &FINITE).or(joins_at_m).unwrap_or(0.0);
     if let (Some(place), Some(end)) = (section.place_of("elevation_start_m"), joins_at_m)
         && (elevation_start_m - end).abs() > 1e-3
     {
-        section.fault_at(
-            &place,
-            format!("the pipe starts at {elevation_start_m} m, but the one before it ends at {end} m"),
-        );
+        section.fault_at(&place, format!("the pipe starts at {elevation_start_m} m, but {before} at {end} m"));
     }
-    let elevation_end_m = section.number("elevation_end_m", &FINITE).unwrap_or(elevation_start_m);
+    let elevation_end_m = section.number("elevation_end_m", &FINITE).or(ends_at_m).unwrap_or(elevation_start_m);
+    if let (Some(place), Some(end)) = (section.place_of("elevation_end_m"), ends_at_m)
+        && (elevation_end_m - end).abs() > 1e-3
+    {
+        section.fault_at(&place, format!("the pipe ends at {elevation_end_m} m, but its node is at {end} m"));
+    }
     let rise_m = (elevation_end_m - elevation_start_m).abs();
     if let Some(l) = length_m
         && rise_m > l
@@ -344,10 +431,6 @@ fn read_tolerance(section: &Section<'_>) -> (Tolerance, f64) {
         wall: usual.wall,
     };
     (tolerance, share(section, "position_percent").unwrap_or(position))
-}
-
-fn share(section: &Section<'_>, key: &str) -> Option<f64> {
-    section.number(key, &SHARE).map(|percent| percent / 100.0)
 }
 
 fn read_steady(section: &Section<'_>) -> Option<SteadyState> {

@@ -1,15 +1,18 @@
 //! The sensors of a rig file.
 
 use crate::rig::device::Device;
+use crate::rig::graph::{Graph, Place};
 use crate::rig::live::{Channels, read_wiring};
 use crate::rig::table::{At, FINITE, Limits, NOT_NEGATIVE, POSITIVE, Section, Source, nearest};
-use crate::rig::types::{Coupling, Sensor, SensorKind, Upstream};
+use crate::rig::types::{Coupling, Pipe, Sensor, SensorKind, Upstream};
 use crate::rig::unique::Names;
 use crate::units::{Quantity, UNITS, Unit};
 
 pub(crate) const KEYS: &[&str] = &[
     "name",
     "kind",
+    "pipe",
+    "node",
     "position_m",
     "position_tolerance_m",
     "unit",
@@ -31,17 +34,41 @@ pub(crate) const KEYS: &[&str] = &[
 const POSITION_SLACK_M: f64 = 1e-6;
 const PERCENT: Limits = Limits { holds: |v| v > 0.0 && v <= 100.0, words: "a percentage above 0, at most 100" };
 
-/// Reads all sensors; `total_m` is the length of the pipes if it is known, `usual` the share of it by which places are known.
+/// The pipes on which sensors stand.
+pub(crate) struct Layout<'a> {
+    pub(crate) graph: &'a Graph,
+    pub(crate) pipes: &'a [Pipe],
+    /// Whether the file names its nodes: places are then on one pipe or at a node.
+    pub(crate) has_nodes: bool,
+}
+
+impl Layout<'_> {
+    fn length_m(&self, line: usize) -> f64 {
+        self.pipes[self.graph.lines[line].pipes.clone()].iter().map(|p| p.length_m).sum()
+    }
+
+    /// The place at a node: at the end of the first line that ends there, else at the beginning of the first that begins there.
+    fn at_node(&self, node: usize) -> Place {
+        let lines = &self.graph.lines;
+        match lines.iter().position(|line| line.to == node) {
+            Some(line) => Place { line, position_m: self.length_m(line) },
+            None => Place { line: lines.iter().position(|line| line.from == node).unwrap_or(0), position_m: 0.0 },
+        }
+    }
+}
+
+/// Reads all sensors; `usual` is the share of the pipes' length by which places are known.
 pub(crate) fn read_sensors(
     sections: &[Section<'_>],
-    total_m: Option<f64>,
+    layout: Option<&Layout<'_>>,
     usual: f64,
     devices: &[(String, Option<Device>)],
 ) -> Vec<Sensor> {
     let mut names = Names::new("sensor");
     let mut channels = Channels::default();
-    let usual_sd_m = usual * total_m.unwrap_or(0.0);
-    let read = |section| read_sensor(section, total_m, usual_sd_m, devices, &mut names, &mut channels);
+    let whole_m = |layout: &Layout| layout.graph.way.iter().map(|(line, _)| layout.length_m(*line)).sum();
+    let usual_sd_m = usual * layout.map_or(0.0, whole_m);
+    let read = |section| read_sensor(section, layout, usual_sd_m, devices, &mut names, &mut channels);
     sections.iter().filter_map(read).collect()
 }
 
@@ -62,7 +89,7 @@ pub(crate) fn check_pressure(source: &Source<'_>, sensors: &[Sensor], upstream: 
 
 fn read_sensor(
     section: &Section<'_>,
-    total_m: Option<f64>,
+    layout: Option<&Layout<'_>>,
     usual_sd_m: f64,
     devices: &[(String, Option<Device>)],
     names: &mut Names,
@@ -75,7 +102,12 @@ fn read_sensor(
     }
     let kinds = SensorKind::ALL.map(|kind| (kind.name(), kind));
     let kind = section.required_choice("kind", &kinds).map(|k| k.value);
-    let position_m = read_position(section, kind, total_m);
+    let place = if layout.is_some_and(|layout| layout.has_nodes) {
+        read_place(section, kind, layout?)
+    } else {
+        let total_m = layout.map(|layout| layout.length_m(0));
+        read_position(section, kind, total_m).map(Place::from)
+    };
     let position_sd_m = section.number("position_tolerance_m", &NOT_NEGATIVE).unwrap_or(usual_sd_m);
     let unit = read_unit(section, kind);
     let range = section.interval("range");
@@ -95,7 +127,8 @@ fn read_sensor(
     Some(Sensor {
         name: name.value.to_owned(),
         kind: kind?,
-        position_m: position_m?,
+        line: place?.line,
+        position_m: place?.position_m,
         position_sd_m,
         unit: unit?,
         range,
@@ -125,8 +158,66 @@ fn check_column_name(section: &Section<'_>, name: &At<&str>) {
     );
 }
 
+/// A place in a network: along a pipe or at a node. Trigger and valve position are at the valve unless they say otherwise, a temperature at the supply.
+fn read_place(section: &Section<'_>, kind: Option<SensorKind>, layout: &Layout<'_>) -> Option<Place> {
+    let Layout { graph, pipes, .. } = layout;
+    if let (Some(_), Some(place)) = (section.place_of("node"), section.place_of("pipe")) {
+        section.fault_at(&place, "give 'pipe' with 'position_m', or 'node', not both");
+        return None;
+    }
+    let unknown = |at: &At<&str>, what: &str, near: Option<&str>| {
+        let hint = near.map(|near| format!("; did you mean \"{near}\"?")).unwrap_or_default();
+        section.fault_at(&at.place, format!("there is no {what} '{}'{hint}", at.value));
+    };
+    if let Some(node) = section.text("node") {
+        let Some(n) = graph.nodes.iter().position(|n| n.name == node.value) else {
+            unknown(&node, "node", nearest(node.value, graph.nodes.iter().map(|n| n.name.as_str())));
+            return None;
+        };
+        if let Some(place) = section.place_of("position_m") {
+            section.fault_at(&place, "'position_m' is along a 'pipe'; a sensor at a node has none");
+        }
+        if kind == Some(SensorKind::Flow) {
+            section.fault_at(&node.place, "a flow is that in a pipe: give 'pipe' and 'position_m'");
+        }
+        return Some(layout.at_node(n));
+    }
+    let Some(pipe) = section.text("pipe") else {
+        return match kind? {
+            SensorKind::Trigger | SensorKind::ValvePosition => Some(layout.at_node(graph.valve)),
+            SensorKind::Temperature => Some(layout.at_node(graph.supply())),
+            SensorKind::Pressure | SensorKind::Flow => {
+                section.fault("the sensor stands nowhere: give 'pipe' and 'position_m', or 'node'");
+                None
+            }
+        };
+    };
+    let Some(line) = pipes.iter().position(|p| p.name == pipe.value) else {
+        unknown(&pipe, "pipe", nearest(pipe.value, pipes.iter().map(|p| p.name.as_str())));
+        return None;
+    };
+    let position_m = section.required_number("position_m", &FINITE)?;
+    let length_m = layout.length_m(line);
+    if !(-POSITION_SLACK_M..=length_m + POSITION_SLACK_M).contains(&position_m) {
+        let ends = [graph.lines[line].from, graph.lines[line].to].map(|n| &graph.nodes[n].name);
+        let message = format!(
+            "position_m = {position_m} is not on pipe '{}', which goes from 0 at '{}' to {length_m} m at '{}'",
+            pipe.value, ends[0], ends[1]
+        );
+        section.fault_at(&section.place_of("position_m")?, message);
+        return None;
+    }
+    Some(Place { line, position_m: position_m.clamp(0.0, length_m) })
+}
+
 /// Default position of a sensor: flow and temperature at the supply, trigger and valve position at the valve.
 fn read_position(section: &Section<'_>, kind: Option<SensorKind>, total_m: Option<f64>) -> Option<f64> {
+    for (key, place) in ["pipe", "node"].into_iter().filter_map(|key| Some((key, section.place_of(key)?))) {
+        section.fault_at(
+            &place,
+            format!("'{key}' is for rigs with [[node]] tables; here 'position_m' counts from the supply"),
+        );
+    }
     let given = section.number("position_m", &FINITE);
     if section.place_of("position_m").is_none() {
         return match kind? {

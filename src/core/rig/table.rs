@@ -248,15 +248,43 @@ impl<'a> Section<'a> {
     /// An optional pair `[lo, hi]` with lo < hi.
     pub fn interval(&self, key: &str) -> Option<[f64; 2]> {
         let value = self.get(key)?;
-        let numbers: Option<Vec<f64>> =
-            value.get_ref().as_array().and_then(|a| a.iter().map(|v| as_f64(v.get_ref())).collect());
-        match numbers.as_deref() {
-            Some(&[lo, hi]) if lo.is_finite() && hi.is_finite() && lo < hi => Some([lo, hi]),
+        match numbers(value.get_ref()).as_deref() {
+            Some(&[lo, hi]) if lo < hi => Some([lo, hi]),
             _ => {
                 self.wrong(key, value, "two finite numbers [lo, hi] with lo below hi");
                 None
             }
         }
+    }
+
+    /// An optional pair of numbers.
+    pub fn pair(&self, key: &str) -> Option<[f64; 2]> {
+        let value = self.get(key)?;
+        let pair = numbers(value.get_ref()).and_then(|v| <[f64; 2]>::try_from(v).ok());
+        if pair.is_none() {
+            self.wrong(key, value, "two finite numbers");
+        }
+        pair
+    }
+
+    /// An optional list of pairs of numbers, at least one.
+    pub fn points(&self, key: &str, words: &str) -> Option<Vec<(f64, f64)>> {
+        let value = self.get(key)?;
+        let pair = |v: &Spanned<DeValue<'_>>| match numbers(v.get_ref()).as_deref() {
+            Some(&[a, b]) => Some((a, b)),
+            _ => None,
+        };
+        let all: Option<Vec<(f64, f64)>> = value.get_ref().as_array().and_then(|a| a.iter().map(pair).collect());
+        let found = all.filter(|points| !points.is_empty());
+        if found.is_none() {
+            self.wrong(key, value, words);
+        }
+        found
+    }
+
+    /// Whether the value of this key is a number (for keys that take a number or a list).
+    pub fn is_number(&self, key: &str) -> bool {
+        self.get(key).is_some_and(|value| as_f64(value.get_ref()).is_some())
     }
 
     /// An optional list of texts, at least one, each of which a terminal can show.
@@ -283,8 +311,21 @@ impl<'a> Section<'a> {
     }
 }
 
+/// Percentages of what is not exactly known.
+const SHARE: Limits = Limits { holds: |v| (0.0..=50.0).contains(&v), words: "a percentage from 0 to 50" };
+
+/// A percentage as a share.
+pub(crate) fn share(section: &Section<'_>, key: &str) -> Option<f64> {
+    section.number(key, &SHARE).map(|percent| percent / 100.0)
+}
+
 fn one_of<T>(choices: &[(&str, T)]) -> String {
     choices.iter().map(|(name, _)| format!("\"{name}\"")).collect::<Vec<_>>().join(" or ")
+}
+
+/// A list of finite numbers.
+fn numbers(value: &DeValue<'_>) -> Option<Vec<f64>> {
+    value.as_array()?.iter().map(|v| as_f64(v.get_ref()).filter(|v| v.is_finite())).collect()
 }
 
 fn as_f64(value: &DeValue<'_>) -> Option<f64> {

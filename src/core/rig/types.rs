@@ -1,18 +1,21 @@
 //! The rig as plain data: fluid, pipes, ends, sensors.
 
 use crate::rig::device::{Device, Wiring};
+use crate::rig::graph::{Graph, Place};
 use crate::units::Unit;
 
-/// A test rig: fluid, pipes in series from the supply to the valve, sensors and their wiring.
+/// A test rig: fluid, pipes and how they are joined, sensors and their wiring.
 #[derive(Debug, Clone)]
 pub struct Rig {
     /// The rig's name.
     pub name: String,
     /// The liquid.
     pub fluid: Fluid,
-    /// One or more pipes in series, from the supply to the valve.
+    /// One or more pipes, line after line.
     pub pipes: Vec<Pipe>,
-    /// What feeds the pipe.
+    /// How they are joined.
+    pub graph: Graph,
+    /// What feeds the pipes.
     pub upstream: Upstream,
     /// The valve.
     pub valve: Valve,
@@ -165,7 +168,9 @@ pub struct Sensor {
     pub name: String,
     /// What it measures.
     pub kind: SensorKind,
-    /// Distance from the supply along the pipes, m.
+    /// Index of the line on which it stands.
+    pub line: usize,
+    /// Distance along the line from where it begins: in a rig in series, from the supply, m.
     pub position_m: f64,
     /// Standard deviation of its position, m.
     pub position_sd_m: f64,
@@ -183,6 +188,13 @@ pub struct Sensor {
     pub coupling: Coupling,
     /// Live wiring, where the sensor is recorded live.
     pub wiring: Option<Wiring>,
+}
+
+impl Sensor {
+    /// Where it stands.
+    pub fn place(&self) -> Place {
+        Place { line: self.line, position_m: self.position_m }
+    }
 }
 
 /// A steady state that was reported of the rig (`[[steady]]`). `rig check` compares it with the rest of the file.
@@ -203,64 +215,8 @@ pub struct SteadyState {
 }
 
 impl Rig {
-    /// Length of all pipes together, m.
-    pub fn length_m(&self) -> f64 {
-        self.pipes.iter().map(|p| p.length_m).sum()
-    }
-
-    /// Standard deviation of the length of all pipes, as a share of it.
-    pub fn length_tolerance(&self) -> f64 {
-        let square: f64 = self.pipes.iter().map(|p| (p.length_m * p.tolerance.length).powi(2)).sum();
-        square.sqrt() / self.length_m()
-    }
-
-    /// Standard deviation of the place of a sensor between the ends, m. A wrong length moves it, too: the model keeps the file's length, and its wave
-    /// speed takes up the difference.
-    pub fn place_sd_m(&self, sensor: &Sensor) -> f64 {
-        sensor.position_sd_m.hypot(self.length_m() * self.length_tolerance())
-    }
-
-    /// Standard deviation of a fitted parameter through the rig file's tolerances, as a share of its value; none where they do not reach it.
-    ///
-    /// The record gives travel times: what it says in metres scales with the length. It gives the wall's compliance over its thickness:
-    /// creep scales with `e/D`.
-    pub fn tolerance_of(&self, parameter: &str) -> Option<f64> {
-        let of_name =
-            |text: &str| parameter.strip_prefix(text).and_then(|rest| rest.strip_prefix('[')?.strip_suffix(']'));
-        let pipe = of_name("wave_speed_m_s").and_then(|name| self.pipes.iter().find(|p| p.name == name));
-        let share = match parameter {
-            _ if pipe.is_some() => pipe?.tolerance.length,
-            "wave_speed_m_s" => self.length_tolerance(),
-            _ if of_name("position_m").is_some() => return None,
-            _ if parameter.ends_with("position_m") || parameter.ends_with("length_m") => self.length_tolerance(),
-            _ if parameter.ends_with("_per_GPa") => {
-                self.pipes.iter().map(|p| p.tolerance.diameter.hypot(p.tolerance.wall)).fold(0.0, f64::max)
-            }
-            _ => return None,
-        };
-        (share > 0.0).then_some(share)
-    }
-
     /// The pressure sensors with their index in [`Rig::sensors`].
     pub fn pressure_sensors(&self) -> impl Iterator<Item = (usize, &Sensor)> {
         self.sensors.iter().enumerate().filter(|(_, s)| s.kind == SensorKind::Pressure)
-    }
-
-    /// Elevation of a sensor, m: its own, or that of the pipe's axis at its place.
-    pub fn sensor_elevation_m(&self, sensor: &Sensor) -> f64 {
-        sensor.elevation_m.unwrap_or_else(|| self.elevation_m(sensor.position_m))
-    }
-
-    /// Elevation of the pipe axis at a position, m (linear along each pipe).
-    pub fn elevation_m(&self, position_m: f64) -> f64 {
-        let mut start = 0.0;
-        for (i, pipe) in self.pipes.iter().enumerate() {
-            if position_m <= start + pipe.length_m || i + 1 == self.pipes.len() {
-                let part = ((position_m - start) / pipe.length_m).clamp(0.0, 1.0);
-                return pipe.elevation_start_m + part * (pipe.elevation_end_m - pipe.elevation_start_m);
-            }
-            start += pipe.length_m;
-        }
-        0.0
     }
 }

@@ -131,7 +131,7 @@ impl Rig {
             let speed_m_s = pipe.wave_speed_start(water).0;
             (pipe.length_m / speed_m_s, speed_m_s / (GRAVITY_M_S2 * pipe.area_m2()))
         };
-        let pipes: Vec<(f64, f64)> = self.pipes.iter().map(of).collect();
+        let pipes: Vec<(f64, f64)> = self.way_pipes().map(of).collect();
         let travel_s: f64 = pipes.iter().map(|(travel_s, _)| travel_s).sum();
         // the phase is that of all pipes together
         let flow_at_valve = |phase: f64| {
@@ -155,7 +155,7 @@ impl Rig {
 
     /// Length by travel time, m/s.
     fn mean_speed_m_s(&self, of: impl Fn(&Pipe) -> f64) -> f64 {
-        self.length_m() / self.pipes.iter().map(|pipe| pipe.length_m / of(pipe)).sum::<f64>()
+        self.length_m() / self.way_pipes().map(|pipe| pipe.length_m / of(pipe)).sum::<f64>()
     }
 }
 
@@ -163,6 +163,7 @@ impl Rig {
 mod tests {
     use super::*;
     use crate::rig::Fluid;
+    use crate::rig::Graph;
     use crate::rig::types::Tolerance;
 
     fn pipe(material: &str, diameter_mm: f64, wall_mm: f64, constraint: Constraint) -> Pipe {
@@ -202,7 +203,7 @@ mod tests {
             (vec![of(30.0, 50.0), of(170.0, 50.0)], 800.0),
             (vec![of(200.0, 50.0)], 800.0),
         ] {
-            rig.pipes = pipes;
+            (rig.graph, rig.pipes) = (Graph::in_series(pipes.len()), pipes);
             let found_m = rig.cycle_m(&water(20.0));
             assert!((found_m / exact_m - 1.0).abs() < 1e-9, "{found_m} for {exact_m}");
         }

@@ -48,7 +48,9 @@ pub struct Runs {
 pub fn sensor<'a>(rig: &'a Rig, name: Option<&str>) -> Result<&'a Sensor, SensitivityError> {
     let mut sensors = rig.pressure_sensors().map(|(_, s)| s);
     match name {
-        None => sensors.max_by(|a, b| a.position_m.total_cmp(&b.position_m)).ok_or(SensitivityError::NoSensor),
+        None => sensors
+            .max_by(|a, b| rig.on_way_m(a.place()).total_cmp(&rig.on_way_m(b.place())))
+            .ok_or(SensitivityError::NoSensor),
         Some(name) => sensors.find(|s| s.name == name).ok_or_else(|| SensitivityError::UnknownSensor {
             name: name.to_owned(),
             known: rig.pressure_sensors().map(|(_, s)| s.name.as_str()).collect::<Vec<_>>().join(", "),
@@ -103,7 +105,7 @@ impl Subject<'_> {
         let period_s = self.model.period_s(shared);
         let needed = self.model.resolving_reaches(&self.conditions, shared, &run)?;
         let reaches = self.model.fitting_reaches(shared, self.reaches.max(needed));
-        let probe = [Probe::Head(self.sensor.position_m)];
+        let probe = [Probe::head(self.sensor.place())];
         let mut stretch = 1.0;
         loop {
             let resolution = Resolution { reaches, duration_s: PERIODS * stretch * period_s + run.closing_time_s };

@@ -113,7 +113,8 @@ fn fitting_place(rig: &Rig, sensors: &[SensorFeatures], speed_m_s: f64) -> Strin
 
 /// Below a vacuum there is no pressure; a little more passes for a transducer that rings.
 fn doubt_vacuum(rig: &Rig, sensor: &SensorFeatures) -> Option<String> {
-    let lowest = sensor.extrema.iter().map(|e| e.head_m).min_by(f64::total_cmp)? - rig.elevation_m(sensor.position_m);
+    let lowest = sensor.extrema.iter().map(|e| e.head_m).min_by(f64::total_cmp)?
+        - rig.elevation_m(rig.sensors[sensor.sensor].place());
     (lowest < -1.3 * ATMOSPHERE_M).then(|| {
         format!(
             "{} falls to {lowest:.0} m, and less than a vacuum, {:.0} m, is no pressure: its unit, its scale or its zero is wrong",

@@ -36,10 +36,16 @@ pub(crate) fn inspect_stations(
 
     let length_m = rig.length_m();
     let guess_s = reference.period_s();
-    let cycle_m = rig.cycle_m(&rig.fluid.properties(temperature_degc));
-    let about = guess_s.map(|t| Estimate { value: cycle_m / t, standard_error: f64::NAN });
+    let water = rig.fluid.properties(temperature_degc);
+    let cycle_m = rig.cycle_m(&water);
+    // Where pipes branch, what comes back first comes from a branch, and the period is that of no line: only the arrival at two sensors tells a speed.
+    let branches = rig.graph.lines.len() > 1;
+    let of_cycle = guess_s.map(|t| Estimate { value: cycle_m / t, standard_error: f64::NAN });
+    let nominal = Estimate { value: rig.wave_speed_start(&water).0, standard_error: f64::NAN };
+    let about = if branches { Some(nominal) } else { of_cycle };
     let ThereAndBack { crossings, smear, slow } =
         wavespeed::there_and_back(&clear, length_m, about, rig.pipes.len() > 1);
+    let (crossings, slow) = if branches { (None, false) } else { (crossings, slow) };
     let arrival = wavespeed::arrival(&clear, smear, about.map(|a| a.value)).filter(|_| !slow);
     let step_s = reference.coarse.step_s;
     // without a match the half fall is the next best measure of 2L/a
@@ -71,11 +77,12 @@ pub(crate) fn inspect_stations(
         let value = cycle_m / t.value;
         Estimate { value, standard_error: value * t.standard_error / t.value }
     });
+    let of_period = of_period.filter(|_| !branches);
 
     let fundamental_hz = period.and_then(|t| fundamental_hz(&reference.trace, free_s, t.value));
 
     let flow_m3_s = levels::flow_m3_s(recording, closure.start_s.min(onset.value));
-    let area = rig.pipes.last().map_or(f64::NAN, |p| p.area_m2());
+    let area = rig.pipe_at_valve().area_m2();
     let steady_velocity_m_s = flow_m3_s
         .map(|q| Estimate { value: q.value / area, standard_error: q.standard_error / area })
         .filter(|v| v.value.is_finite());

@@ -119,7 +119,11 @@ pub(crate) fn stations(recording: &Recording, temperature_degc: f64) -> Vec<Stat
         .filter_map(|(sensor, place)| {
             let (time_s, head_m) = heads(recording, sensor, temperature_degc);
             let trace = Trace::new(&time_s, &head_m)?;
-            Some(Station::new(sensor, travel_place_m(&recording.rig, place.position_m, temperature_degc), trace))
+            Some(Station::new(
+                sensor,
+                travel_place_m(&recording.rig, recording.rig.on_way_m(place.place()), temperature_degc),
+                trace,
+            ))
         })
         .collect()
 }
@@ -132,7 +136,7 @@ fn travel_place_m(rig: &Rig, position_m: f64, temperature_degc: f64) -> f64 {
     }
     let water = rig.fluid.properties(temperature_degc);
     let (mut start, mut to_place, mut whole) = (0.0, 0.0, 0.0);
-    for pipe in &rig.pipes {
+    for pipe in rig.way_pipes() {
         let speed = pipe.wave_speed_start(&water).0;
         to_place += (position_m - start).clamp(0.0, pipe.length_m) / speed;
         whole += pipe.length_m / speed;

@@ -103,7 +103,7 @@ impl Window {
         }
         let lead_s = LEAD_S.max(LEAD_PERIODS * period_s);
         let seen: Vec<Seen> =
-            scanned.iter().filter_map(|(sensor, scan)| scan.closure(lead_s, sensor.position_m)).collect();
+            scanned.iter().filter_map(|(sensor, scan)| scan.closure(lead_s, rig.on_way_m(sensor.place()))).collect();
         // a sensor that drops out shows a front that no other does
         let agreeing = |one: &Seen| seen.iter().filter(|s| (s.closure_s - one.closure_s).abs() <= lead_s).count();
         let rank = |s: &Seen| (agreeing(s), s.clear, s.position_m);

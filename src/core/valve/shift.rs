@@ -143,8 +143,8 @@ pub(crate) fn errors_of(
     let closing_by = |closing_time_s: f64, law: Box<dyn Fn(f64) -> f64 + Send>| {
         let run_values = RunValues { closing_time_s, ..own };
         let resolution = Resolution { reaches, duration_s };
-        let place_m = seen.sensor.position_m;
-        let trace = head_from_valve(problem.model, &run.conditions, shared, &run_values, resolution, place_m, law)?;
+        let trace =
+            head_from_valve(problem.model, &run.conditions, shared, &run_values, resolution, seen.sensor.place(), law)?;
         let trace = problem.model.sensed(shared, &seen.sensor, trace)?;
         Ok::<_, FitError>(left(&|t| trace.at(t)))
     };

@@ -1,24 +1,31 @@
 //! The rig in short.
 
+use std::fmt::Write as _;
+
 use crate::report::html::page::{minus, table};
+use crate::report::rig_drawing;
 use crate::report::text::escape::escape;
 use crate::report::text::number::{fixed, significant};
 use crate::rig::{Constraint, Rig, SensorKind, Upstream};
 
 pub(crate) fn section(rig: &Rig) -> String {
+    let branches = rig.graph.lines.len() > 1;
     let supply = match rig.upstream {
-        Upstream::Reservoir => "reservoir",
-        Upstream::Pump => "pump",
-        Upstream::Measured => "measured pressure at position 0",
+        _ if branches => escape(&rig.graph.nodes[rig.graph.supply()].name),
+        Upstream::Reservoir => "reservoir".into(),
+        Upstream::Pump => "pump".into(),
+        Upstream::Measured => "measured pressure at position 0".into(),
     };
     let mut out = format!(
-        "<section id=\"rig\"><h2>Rig</h2>\n<dl><div><dt>name</dt><dd>{}</dd></div><div><dt>fluid</dt><dd>{}, {} °C</dd></div><div><dt>length</dt><dd>{} m</dd></div><div><dt>supply</dt><dd>{supply}</dd></div><div><dt>valve</dt><dd>closes in {} s (nominal)</dd></div></dl>\n",
+        "<section id=\"rig\"><h2>Rig</h2>\n<dl><div><dt>name</dt><dd>{}</dd></div><div><dt>fluid</dt><dd>{}, {} °C</dd></div><div><dt>length</dt><dd>{} m{}</dd></div><div><dt>supply</dt><dd>{supply}</dd></div><div><dt>valve</dt><dd>closes in {} s (nominal)</dd></div></dl>\n",
         escape(&rig.name),
         escape(&rig.fluid.name),
         minus(&fixed(rig.fluid.temperature_degc, 1)),
         fixed(rig.length_m(), 2),
+        if branches { " from the supply to the valve" } else { "" },
         significant(rig.valve.closing_time_s, 3),
     );
+    let _ = writeln!(out, "<figure class=\"drawn\">{}</figure>", rig_drawing::svg(rig));
     let pipes = rig.pipes.iter().map(|p| {
         vec![
             escape(&p.name),
@@ -50,7 +57,8 @@ pub(crate) fn section(rig: &Rig) -> String {
             }
             .into(),
             escape(s.unit.symbol),
-            fixed(s.position_m, 2),
+            fixed(s.position_m, 2)
+                + &if branches { format!(" {}", escape(&rig.along_words(&s.name))) } else { String::new() },
             s.range.map_or("–".into(), |[lo, hi]| minus(&format!("{lo} to {hi}"))),
             s.accuracy_percent_fs.map_or("–".into(), |a| significant(a, 2)),
         ]

@@ -23,7 +23,7 @@ pub(crate) fn section(index: usize, panel: &Panel, page: &Page) -> String {
     let fit = panel.fit;
     let name = escape(&fit.name);
     let mut out = format!(
-        r#"<section class="sensor" id="sensor-{index}"><h3>{name} <small>{} m from the supply · {}</small></h3>
+        r#"<section class="sensor" id="sensor-{index}"><h3>{name} <small>{} m {} · {}</small></h3>
 <p class="facts">{}</p>
 <div class="live" data-panel="{index}" hidden>
 <div class="tools"><span class="hint">Drag to zoom, double-click to see all. Click a name to hide its curve.</span><span class="buttons"></span></div>
@@ -33,6 +33,7 @@ pub(crate) fn section(index: usize, panel: &Panel, page: &Page) -> String {
 <div class="still">
 "#,
         significant(fit.position_m, 4),
+        escape(&page.rig.along_words(&fit.name)),
         escape(panel.file),
         facts(panel, stages),
         residuals(&name, stages),

@@ -57,7 +57,12 @@ impl Example {
     fn under(chosen: &Chosen, settings: &[(String, f64)]) -> Result<Example, Box<dyn std::error::Error + Send + Sync>> {
         let rig = Rig::from_toml(RIG, "rigs/demo-hdpe.toml")?;
         let scenario = Scenario::new(rig.clone(), std::slice::from_ref(chosen), ValveForm::Linear, settings)?;
-        let site = Site { rig: &scenario.rig, water: &scenario.water, period_s: scenario.period_s() };
+        let site = Site {
+            rig: &scenario.rig,
+            water: &scenario.water,
+            period_s: scenario.period_s(),
+            line: scenario.rig.graph.line_to_valve(),
+        };
         let elements = scenario.effects.first().and_then(|c| c.elements).unwrap_or(1);
         let parameters = chosen.effect.parameters(&site, elements);
         let of_test: Vec<_> =

@@ -3,7 +3,7 @@
 import { post } from "/assets/api.js";
 import { at, digits, h, put, svg } from "/assets/dom.js";
 import { app, complain, refresh } from "/assets/store.js";
-import { AXIS, line } from "/assets/drawing.js";
+import { AXIS, draw as drawn_rig, inSeries } from "/assets/drawing.js";
 import { spark } from "/assets/runs.js";
 
 const KINDS = [["pressure", "pressure"], ["flow", "flow"], ["temperature", "temperature"], ["valve-position", "valve position"], ["trigger", "trigger"], ["none", "no sensor"]];
@@ -250,7 +250,7 @@ function draw() {
   const length = pipe.length_m ?? 1;
   const known = (column) => column.position_m !== null && pipe.length_m !== null;
   const sensors = found.columns.map((column, i) => ({ name: column.short || column.name, position_m: Math.min(column.position_m ?? 0, length), assumed: assumedAt(i), column })).filter(({ column }) => places.includes(column.is) && known(column));
-  const [under, over] = line({ length, supply: pipe.supply, sensors, pipes: [{ name: "pipe", from_m: 0, to_m: length, inner_diameter_m: (pipe.inner_diameter_mm ?? 20) / 1000 }] }, drawn);
+  const [under, over] = drawn_rig({ ...inSeries(length, pipe.supply), sensors, pipes: [{ name: "pipe", from_m: 0, to_m: length, inner_diameter_m: (pipe.inner_diameter_mm ?? 20) / 1000 }] }, drawn);
   const middle = (drawn.from + drawn.to) / 2;
   const size = pipe.length_m === null ? "length?" : `${plain(pipe.length_m)} m`;
   put(at("new-rig-drawing"), svg("svg", { viewBox: `0 6 ${drawn.width} 78`, role: "img", "aria-label": "The rig as it is known" }, under, over, svg("text", { x: middle, y: AXIS + 26, "text-anchor": "middle", text: size })));

@@ -14,13 +14,13 @@ function starts(located, m, length) {
   return { [located.from]: within(m - HALF * length), [located.to]: within(m + HALF * length) };
 }
 
-// Offers the effects that can stand at a place, m from the supply.
-export function offer(m) {
+// Offers the effects that can stand at a place, m along a line.
+export function offer({ line, m }) {
   const { open, model, job } = app.state;
   if (!model) return;
-  const length = open.rig.length_m;
+  const { name, length_m: length } = open.rig.lines[line];
   const dialog = at("place");
-  const place = h("input", { type: "number", min: 0, max: digits(length, 5), step: "any", value: +m.toFixed(length < 20 ? 3 : 1), "aria-label": "Place, m from the supply", oninput: () => place.setCustomValidity("") });
+  const place = h("input", { type: "number", min: 0, max: digits(length, 5), step: "any", value: +m.toFixed(length < 20 ? 3 : 1), "aria-label": `Place, m ${name ? `along ${name}` : "from the supply"}`, oninput: () => place.setCustomValidity("") });
   const has = (effect) => model.effects.some((own) => own.split(/[:@]/)[0] === effect);
   const one = (located) => {
     const about = app.effects.get(located.effect);
@@ -29,10 +29,10 @@ export function offer(m) {
         const m = place.valueAsNumber;
         if (!(m >= 0 && m <= length)) { place.setCustomValidity(`from 0 to ${digits(length, 5)} m`); place.reportValidity(); return; }
         dialog.close();
-        add(located.effect, starts(located, m, length));
+        add(name ? `${located.effect}@${name}` : located.effect, starts(located, m, length));
       } }));
   };
-  put(dialog, h("form", { method: "dialog", class: "heading" }, h("h2", {}, "Add an effect at ", place, " m"), h("button", { text: "Close" })),
-    h("p", { class: "hint", text: "The fit starts there and finds the best place nearby. Distances are from the supply." }), open.rig.located.map(one));
+  put(dialog, h("form", { method: "dialog", class: "heading" }, h("h2", {}, "Add an effect at ", place, name ? ` m along ${name}` : " m"), h("button", { text: "Close" })),
+    h("p", { class: "hint", text: `The fit starts there and finds the best place nearby. Distances are from ${name ? `where ${name} begins` : "the supply"}.` }), open.rig.located.map(one));
   dialog.showModal();
 }

@@ -57,6 +57,7 @@ fn parameters(bench: &Bench, fit: &Fit) -> Vec<Value> {
         value["about"] = json!(p.about);
         value["log"] = json!(value["scale"] == "log");
         value["effect"] = json!(owner.map(|i| fit.effects[i].label()));
+        value["line"] = json!(owner.map(|i| fit.effects[i].line(bench.study.rig())));
         value["advice"] = json!(advice(fit, j, p, owner.is_some()));
         value
     };

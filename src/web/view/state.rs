@@ -5,6 +5,7 @@ use std::sync::Arc;
 use serde_json::{Value, json};
 
 use crate::model::effects::{CATALOGUE, Effect, Site};
+use crate::report::rig_plan::Plan;
 use crate::report::view::panel::OwnUnit;
 use crate::results::fit_record::recorded_at;
 use crate::rig::check::return_time_s;
@@ -127,7 +128,7 @@ fn opened(bench: &Bench, r: usize, loaded: &Loaded) -> Value {
             let own = OwnUnit::of(rig, &sensor.sensor.name, loaded.features.temperature_degc);
             let fitted = fit.as_ref().and_then(|fit| fit.runs.get(r)?.sensors.get(s));
             json!({
-                "name": sensor.sensor.name, "position_m": sensor.sensor.position_m, "samples": sensor.time_s.len(),
+                "name": sensor.sensor.name, "line": sensor.sensor.line, "position_m": sensor.sensor.position_m, "samples": sensor.time_s.len(),
                 "noise_m": sensor.total_noise_m, "rmse_m": fitted.map(|f| f.rmse_m),
                 "unit": own.map(|u| json!({ "symbol": u.symbol, "per_m": u.per_m, "zero": u.zero })),
             })
@@ -145,28 +146,47 @@ fn opened(bench: &Bench, r: usize, loaded: &Loaded) -> Value {
     })
 }
 
+/// The rig, with where its parts are drawn: shares of the drawing's width to the right and down.
 fn rig(rig: &Rig) -> Value {
-    let mut from_m = 0.0;
+    let (graph, plan) = (&rig.graph, Plan::of(rig));
     let mut pipes = Vec::new();
-    for p in &rig.pipes {
-        pipes.push(json!({
-            "name": p.name, "from_m": from_m, "to_m": from_m + p.length_m, "inner_diameter_m": p.inner_diameter_m,
-            "material": p.material,
-        }));
-        from_m += p.length_m;
+    for k in 0..graph.lines.len() {
+        let mut from_m = 0.0;
+        for p in rig.pipes_of(k) {
+            pipes.push(json!({
+                "name": p.name, "line": k, "from_m": from_m, "to_m": from_m + p.length_m,
+                "inner_diameter_m": p.inner_diameter_m, "material": p.material,
+            }));
+            from_m += p.length_m;
+        }
     }
+    let lines: Vec<Value> = (plan.lines.iter().enumerate())
+        .map(|(k, corners)| {
+            let name = (graph.lines.len() > 1).then(|| &rig.pipes_of(k)[0].name);
+            json!({ "name": name, "length_m": rig.line_length_m(k), "corners": corners })
+        })
+        .collect();
     let supply = match rig.upstream {
         Upstream::Pump => "pump",
         Upstream::Reservoir => "reservoir",
         Upstream::Measured => "measured",
     };
-    json!({ "name": rig.name, "length_m": rig.length_m(), "supply": supply, "pipes": pipes, "located": located(rig) })
+    let nodes: Vec<Value> = (graph.nodes.iter().enumerate())
+        .map(|(n, node)| {
+            let kind = if n == graph.supply() && rig.upstream == Upstream::Pump { "pump" } else { node.kind.name() };
+            json!({ "name": node.name, "kind": kind, "at": plan.nodes[n], "outward": plan.outward(graph, n) })
+        })
+        .collect();
+    json!({
+        "name": rig.name, "length_m": rig.length_m(), "supply": supply, "pipes": pipes, "lines": lines, "nodes": nodes,
+        "valve": graph.valve, "located": located(rig),
+    })
 }
 
 /// The effects that stand at a place along the pipe, each with the parameter that is its place.
 fn located(rig: &Rig) -> Vec<Value> {
     let water = rig.fluid.properties(rig.fluid.temperature_degc);
-    let site = Site { rig, water: &water, period_s: 2.0 * return_time_s(rig, &water) };
+    let site = Site { rig, water: &water, period_s: 2.0 * return_time_s(rig, &water), line: rig.graph.line_to_valve() };
     let of = |effect: &&'static dyn Effect| {
         let parameters = effect.parameters(&site, 1);
         let place = |ending: &str| parameters.iter().find(|p| p.name.ends_with(ending)).map(|p| p.name.clone());

@@ -38,7 +38,7 @@ fn truth(bench: &Bench) -> Truth {
     let run = RunValues { initial_velocity_m_s: 0.4, valve_head_m: 30.0, closing_time_s: 0.02, friction_scale: 1.0 };
     let conditions = Conditions::of(water);
     let resolution = Resolution { reaches: 400, duration_s: DURATION_S };
-    let probes = [Probe::Head(100.0), Probe::Head(60.0)];
+    let probes = [Probe::head(100.0), Probe::head(60.0)];
     Truth { traces: model.simulate(&conditions, &[400.0], &run, resolution, &probes).unwrap().traces }
 }
 

@@ -45,7 +45,7 @@ fn rung(
     let run = RunValues { initial_velocity_m_s: velocity, valve_head_m: 200.0, closing_time_s, friction_scale: 1.0 };
     let conditions = Conditions::of(water);
     let resolution = Resolution { reaches: 400, duration_s };
-    let probes = [Probe::Head(rig.length_m())];
+    let probes = [Probe::head(rig.length_m())];
     let trace = model.simulate(&conditions, shared, &run, resolution, &probes).unwrap().traces.remove(0);
     let time_s: Vec<f64> = (0..(duration_s * 2000.0) as usize).map(|i| i as f64 / 2000.0).collect();
     let head = time_s.iter().map(|&t| trace.at(t)).collect();

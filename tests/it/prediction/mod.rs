@@ -65,11 +65,11 @@ pub(crate) fn creeping_in(of: Noise, rig: &Rig, file: &str, velocity: f64, closi
     let model = Model::new(rig, &water, &parse_list("viscoelastic-wall:1").unwrap());
     let conditions = Conditions::of(water);
     let run = RunValues { initial_velocity_m_s: velocity, valve_head_m: 25.0, closing_time_s, friction_scale: 1.0 };
-    let probes = [Probe::Head(90.0), Probe::Head(45.0)];
+    let probes = [Probe::head(90.0), Probe::head(45.0)];
     let resolution = Resolution { reaches: 700, duration_s: 9.0 };
     let shared = [WAVE_SPEED, CREEP.0, CREEP.1];
     let simulated = model.simulate(&conditions, &shared, &run, resolution, &probes).unwrap();
-    let meter = Meter { position_m: 0.0, flow_m3_s: simulated.steady_flow_m3_s(0.0), relative_sd: 0.005 };
+    let meter = Meter { place: 0.0.into(), flow_m3_s: simulated.steady_flow_m3_s(0.0), relative_sd: 0.005 };
     let mut rng = fastrand::Rng::with_seed(of.seed);
     let total_m = of.white_m / (1.0 - of.carried * of.carried).sqrt();
     let time_s: Vec<f64> = (0..4600).map(|i| f64::from(i) * 2e-3).collect();

@@ -4,7 +4,7 @@ use crate::diagnose::limits::{AT_THE_VALVE, SAME_HEAD_M, SAME_PLACE, SAME_SHARE}
 use crate::fit::data::run_data::{RunData, SensorData};
 use crate::model::effects::Chosen;
 use crate::model::{Model, RunValues};
-use crate::rig::{Rig, WaterProperties};
+use crate::rig::{Place, Rig, WaterProperties};
 
 /// A change of the first run.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -104,22 +104,19 @@ impl Change {
         let (mut rig, mut run) = (rig.clone(), first.clone());
         let length_m = rig.length_m();
         if self.length != 1.0 {
-            if let Some(last) = rig.pipes.last_mut() {
-                last.length_m += (self.length - 1.0) * length_m;
-            }
+            let at_valve = |s: &crate::rig::Sensor| length_m - rig.on_way_m(s.place()) < AT_THE_VALVE * length_m;
+            let moved: Vec<bool> = run.sensors.iter().map(|s| at_valve(&s.sensor)).collect();
+            let last = rig.graph.lines[rig.graph.line_to_valve()].pipes.end - 1;
+            rig.pipes[last].length_m += (self.length - 1.0) * length_m;
             // what stands at the valve goes with it
-            for sensor in run.sensors.iter_mut().map(|s| &mut s.sensor) {
-                if length_m - sensor.position_m < AT_THE_VALVE * length_m {
-                    sensor.position_m = rig.length_m();
-                }
+            let valve = rig.valve_place();
+            for (sensor, _) in run.sensors.iter_mut().zip(moved).filter(|(_, moved)| *moved) {
+                (sensor.sensor.line, sensor.sensor.position_m) = (valve.line, valve.position_m);
             }
         }
         if let (Some(share), Some(known)) = (self.sensor, run.sensors.first()) {
-            let sensor = crate::rig::Sensor {
-                name: NEW_SENSOR.to_owned(),
-                position_m: share * length_m,
-                ..known.sensor.clone()
-            };
+            let Place { line, position_m } = rig.at_way_m(share * length_m);
+            let sensor = crate::rig::Sensor { name: NEW_SENSOR.to_owned(), line, position_m, ..known.sensor.clone() };
             run.sensors.push(SensorData { sensor, ..known.clone() });
             run.extrema.push(Vec::new());
         }

@@ -55,7 +55,7 @@ pub(crate) fn separations(
         return Ok(Vec::new());
     };
     let unit = one.unit.max(other.unit);
-    let places_m: Vec<f64> = baseline.runs[0].sensors.iter().map(|s| s.sensor.position_m).collect();
+    let places_m: Vec<f64> = baseline.runs[0].sensors.iter().map(|s| baseline.rig.on_way_m(s.sensor.place())).collect();
     let (first, length_m) = (&one.runs[0], baseline.rig.length_m());
     let open = changes()
         .into_iter()

@@ -8,8 +8,9 @@ use crate::fit::data::thresholds::{
 use crate::model::Conditions;
 use crate::model::effects::ATMOSPHERE_PA;
 use crate::model::friction::WallFriction;
+use crate::model::line_flows::line_flows;
 use crate::recording::Recording;
-use crate::rig::{Coupling, Pipe, Regime, Rig, Sensor, Upstream, WaterProperties};
+use crate::rig::{Coupling, Line, Pipe, Regime, Rig, Sensor, Upstream, WaterProperties};
 use crate::signal::{Features, SensorFeatures, heads};
 use crate::units::GRAVITY_M_S2;
 
@@ -60,14 +61,14 @@ pub fn prepare(file: &str, rig: &Rig, recording: &Recording, features: &Features
             (impulse_velocity(recording, features).unwrap_or(by_rise), JOUKOWSKY_UNCERTAINTY)
         }
     };
-    let flow_m3_s = velocity_m_s.0 * rig.pipes.last().map_or(0.0, |p| p.area_m2());
+    let flow_m3_s = velocity_m_s.0 * rig.pipe_at_valve().area_m2();
     RunData {
         file: file.to_owned(),
         sensors,
         conditions: Conditions {
             water,
             supply_deviation: supply_deviation(rig, recording, features),
-            regimes: Some(rig.pipes.iter().map(|p| regime(p, &water, flow_m3_s)).collect()),
+            regimes: Some(regimes(rig, &water, flow_m3_s)),
         },
         start: RunStart {
             closure_s: (features.closure.start_s, features.closure.start_se_s),
@@ -155,7 +156,7 @@ fn plausible_speed(rig: &Rig, water: &WaterProperties, features: &Features) -> O
 fn flow_meter(rig: &Rig, features: &Features, velocity: (f64, f64)) -> Option<Meter> {
     let flow_m3_s = features.flow_m3_s.map(|q| q.value).filter(|q| *q > 0.0)?;
     let meter = rig.sensors.iter().find(|s| s.kind == crate::rig::SensorKind::Flow)?;
-    Some(Meter { position_m: meter.position_m, flow_m3_s, relative_sd: velocity.1 })
+    Some(Meter { place: meter.place(), flow_m3_s, relative_sd: velocity.1 })
 }
 
 /// A pressure sensor's stated accuracy as a head, m.
@@ -172,10 +173,10 @@ fn flow_uncertainty(rig: &Rig, velocity_m_s: f64) -> f64 {
     let stated = meter.and_then(|m| {
         let [low, high] = m.range?;
         let error = m.accuracy_percent_fs? / 100.0 * (m.unit.to_si(high, 1.0) - m.unit.to_si(low, 1.0));
-        let area = rig.pipes.last()?.area_m2();
+        let area = rig.pipe_at_valve().area_m2();
         Some(error / (area * velocity_m_s))
     });
-    let diameter = rig.pipes.last().map_or(0.0, |p| p.tolerance.diameter);
+    let diameter = rig.pipe_at_valve().tolerance.diameter;
     stated.unwrap_or(DEFAULT_FLOW_UNCERTAINTY).hypot(2.0 * diameter).clamp(1e-3, 1.0)
 }
 
@@ -188,10 +189,11 @@ fn valve_head(
     velocity_m_s: f64,
     rise_m: f64,
 ) -> (f64, Option<f64>) {
-    let flow_m3_s = velocity_m_s * rig.pipes.last().map_or(0.0, |p| p.area_m2());
+    let flow_m3_s = velocity_m_s * rig.pipe_at_valve().area_m2();
     let steady = features.sensors.iter().filter(|s| rig.sensors[s.sensor].coupling == Coupling::Dc && shows_before(s));
-    if let Some(nearest) = steady.max_by(|a, b| a.position_m.total_cmp(&b.position_m)) {
-        let loss_m = loss_m(rig, water, flow_m3_s, nearest.position_m);
+    let on_way_m = |s: &SensorFeatures| rig.on_way_m(rig.sensors[s.sensor].place());
+    if let Some(nearest) = steady.max_by(|a, b| on_way_m(a).total_cmp(&on_way_m(b))) {
+        let loss_m = loss_m(rig, water, flow_m3_s, on_way_m(nearest));
         return (nearest.steady_before_m.value - loss_m, None);
     }
     let stated = rig.steady.iter().find_map(|s| s.supply_head_m).map(|h| h - loss_m(rig, water, flow_m3_s, 0.0));
@@ -210,11 +212,19 @@ fn regime(pipe: &Pipe, water: &WaterProperties, flow_m3_s: f64) -> Regime {
     Regime::of_disturbed(pipe.reynolds(water, flow_m3_s))
 }
 
+/// The regime in every pipe. Where the flow in a network is not found, the simulation says so.
+fn regimes(rig: &Rig, water: &WaterProperties, valve_m3_s: f64) -> Vec<Regime> {
+    let flows = line_flows(rig, water, valve_m3_s, 1.0).unwrap_or_else(|_| vec![valve_m3_s; rig.graph.lines.len()]);
+    let of =
+        |(line, &q): (&Line, &f64)| rig.pipes[line.pipes.clone()].iter().map(move |p| regime(p, water, q)).collect();
+    rig.graph.lines.iter().zip(&flows).flat_map::<Vec<Regime>, _>(of).collect()
+}
+
 /// Steady friction loss from a place to the valve, m.
 fn loss_m(rig: &Rig, water: &WaterProperties, flow_m3_s: f64, from_m: f64) -> f64 {
     let mut start = 0.0;
     let mut loss = 0.0;
-    for pipe in &rig.pipes {
+    for pipe in rig.way_pipes() {
         let end = start + pipe.length_m;
         let length = (end - from_m.max(start)).max(0.0);
         loss += WallFriction::in_regime(pipe, water, flow_m3_s, regime(pipe, water, flow_m3_s))

@@ -2,7 +2,7 @@
 
 use crate::fit::data::thresholds::DEFAULT_ACCURACY_PERCENT;
 use crate::model::Conditions;
-use crate::rig::Sensor;
+use crate::rig::{Place, Sensor};
 
 /// One pressure sensor's samples.
 #[derive(Debug, Clone)]
@@ -53,8 +53,8 @@ pub struct RunData {
 /// A flow meter's reading before the closure.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Meter {
-    /// Its place, m from the supply.
-    pub position_m: f64,
+    /// Its place.
+    pub place: Place,
     /// Flow, m³/s.
     pub flow_m3_s: f64,
     /// Relative uncertainty.

@@ -19,7 +19,7 @@ use crate::model::constraint::{Constraint, Given};
 use crate::model::parameter::{Parameter, Scale};
 use crate::model::trace::Trace;
 use crate::model::{Model, ModelError, RunValues};
-use crate::rig::Sensor;
+use crate::rig::{Place, Sensor};
 
 /// Index of the closure's start among a run's variables; those that the model takes come before it, offsets after it.
 const CLOSURE_START: usize = RunValues::COUNT;
@@ -308,10 +308,15 @@ impl<'a> FitProblem<'a> {
         values[self.offset_variable(r, sensor)]
     }
 
-    /// Where a sensor stands, m from the supply.
-    pub fn place_m(&self, sensor: &Sensor, values: &[f64]) -> f64 {
-        let own = self.place_variables().find(|&j| placed_sensor(&self.parameters[j].name) == Some(&sensor.name));
-        own.map_or(sensor.position_m, |j| values[j])
+    /// Where a sensor stands.
+    pub fn place(&self, sensor: &Sensor, values: &[f64]) -> Place {
+        let own = self.place_variable(sensor);
+        Place { position_m: own.map_or(sensor.position_m, |j| values[j]), ..sensor.place() }
+    }
+
+    /// The variable that is the place of a sensor.
+    fn place_variable(&self, sensor: &Sensor) -> Option<usize> {
+        self.place_variables().find(|&j| placed_sensor(&self.parameters[j].name) == Some(&sensor.name))
     }
 
     fn append_run(

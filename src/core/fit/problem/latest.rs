@@ -4,6 +4,7 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::model::run::Simulated;
+use crate::rig::Place;
 
 /// A simulation, and what it follows from.
 pub(crate) struct Kept {
@@ -11,8 +12,8 @@ pub(crate) struct Kept {
     pub(crate) causes: Vec<f64>,
     /// For how long it was needed, s.
     pub(crate) needed_s: f64,
-    /// Where its traces were read, m from the supply.
-    pub(crate) places_m: Vec<f64>,
+    /// Where its traces were read.
+    pub(crate) places: Vec<Place>,
     pub(crate) simulated: Simulated,
 }
 
@@ -27,15 +28,15 @@ impl Latest {
     }
 
     /// The kept simulation, read at these places. None if it was computed from other values, is too short, or has no trace at one of the places.
-    pub(crate) fn read(&self, causes: &[f64], needed_s: f64, places_m: &[f64]) -> Option<Simulated> {
+    pub(crate) fn read(&self, causes: &[f64], needed_s: f64, places: &[Place]) -> Option<Simulated> {
         let kept = self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()?;
         let long_enough = needed_s <= kept.needed_s; // not so for NaN
         if kept.causes != causes || !long_enough {
             return None;
         }
-        let trace = |place| kept.places_m.iter().position(|p| p == place).map(|i| kept.simulated.traces[i].clone());
-        let traces = places_m.iter().map(trace).collect::<Option<_>>()?;
-        let (starts_m, flows_m3_s) = (kept.simulated.starts_m.clone(), kept.simulated.flows_m3_s.clone());
-        Some(Simulated { traces, energy: None, starts_m, flows_m3_s })
+        let trace = |place| kept.places.iter().position(|p| p == place).map(|i| kept.simulated.traces[i].clone());
+        let traces = places.iter().map(trace).collect::<Option<_>>()?;
+        let (starts, flows_m3_s) = (kept.simulated.starts.clone(), kept.simulated.flows_m3_s.clone());
+        Some(Simulated { traces, energy: None, starts, flows_m3_s })
     }
 }

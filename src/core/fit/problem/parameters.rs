@@ -88,7 +88,7 @@ pub fn placed_sensor(name: &str) -> Option<&str> {
 
 /// The place of a sensor as a variable: where the record shows it, between the ends, and the rig file knows it within a tolerance only.
 fn place_of(rig: &Rig, sensor: &Sensor) -> Option<Parameter> {
-    let (at, sd_m, length_m) = (sensor.position_m, rig.place_sd_m(sensor), rig.length_m());
+    let (at, sd_m, length_m) = (sensor.position_m, rig.place_sd_m(sensor), rig.line_length_m(sensor.line));
     let name = format!("position_m[{}]", sensor.name);
     let about = "distance of the sensor from the supply: sets when fronts pass it";
     let (lower, upper) = ((at - FARTHEST_SD * sd_m).max(0.0), (at + FARTHEST_SD * sd_m).min(length_m));

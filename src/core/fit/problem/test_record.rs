@@ -56,9 +56,9 @@ pub(crate) fn record(
     let conditions = Conditions::of(water);
     let resolution = Resolution { reaches: 601, duration_s };
     let sensor = rig.sensors[0].clone();
-    let probes = [Probe::Head(sensor.position_m)];
+    let probes = [Probe::head(sensor.place())];
     let simulated = model.simulate(&conditions, shared, &run, resolution, &probes).unwrap();
-    let meter = Meter { position_m: 0.0, flow_m3_s: simulated.steady_flow_m3_s(0.0), relative_sd: 0.003 };
+    let meter = Meter { place: 0.0.into(), flow_m3_s: simulated.steady_flow_m3_s(0.0), relative_sd: 0.003 };
     let velocity = meter.flow_m3_s / rig.pipes[0].area_m2();
     let mut random = fastrand::Rng::with_seed(1);
     let mut noise = || noise_m * 12f64.sqrt() * (random.f64() - 0.5);

@@ -28,7 +28,7 @@ pub struct TwoStage {
 /// If no sensor stands there.
 pub fn valve_sensor(rig: &Rig, run: &RunData) -> Result<usize, FitError> {
     let within_m = VALVE_SENSOR_SHARE * rig.length_m();
-    let found = run.sensors.iter().position(|s| rig.length_m() - s.sensor.position_m <= within_m);
+    let found = run.sensors.iter().position(|s| rig.length_m() - rig.on_way_m(s.sensor.place()) <= within_m);
     found.ok_or_else(|| FitError::NoValveSensor { file: run.file.clone(), within_m })
 }
 

@@ -26,7 +26,7 @@ use crate::fit::search::starts::may_be_anywhere;
 use crate::fit::search::stepwise::{conclude, stepwise};
 use crate::fit::search::thresholds::{COARSE_REACHES, FOLLOWING, LOCKING_REACHES};
 use crate::model::effects::Chosen;
-use crate::model::{Model, check_sensors};
+use crate::model::{Model, check_places};
 use crate::rig::Rig;
 
 /// Fits the base model with `effects` to all `runs` at once.
@@ -49,7 +49,7 @@ pub fn calibrate(
             return Err(FitError::NoSample { file: run.file.clone() });
         }
     }
-    check_sensors(rig, effects)?;
+    check_places(rig, effects)?;
     if options.objective == Objective::Frequency {
         let model = Model::new(rig, &runs[0].conditions.water, &[]);
         let window = Window { reaches: 1, horizon_s: f64::INFINITY, stride: 1 };

@@ -24,7 +24,7 @@ pub fn with_sensors<E>(
 ) -> Result<Vec<Chosen>, E> {
     let mut chosen = effects.to_vec();
     let mut sensors: Vec<_> = rig.pressure_sensors().map(|(_, s)| s).collect();
-    sensors.sort_by(|a, b| a.position_m.total_cmp(&b.position_m));
+    sensors.sort_by(|a, b| rig.on_way_m(a.place()).total_cmp(&rig.on_way_m(b.place())));
     for i in 0..chosen.len() {
         if !chosen[i].effect.at_sensor() || chosen[i].sensor.is_some() {
             continue;
@@ -115,7 +115,7 @@ mod tests {
             let run =
                 RunValues { initial_velocity_m_s: 0.3, valve_head_m: 40.0, closing_time_s: 0.05, friction_scale: 1.0 };
             let time_s: Vec<f64> = (0..1200).map(|i| f64::from(i) * 1e-3).collect();
-            let probes: Vec<Probe> = rig.pressure_sensors().map(|(_, s)| Probe::Head(s.position_m)).collect();
+            let probes: Vec<Probe> = rig.pressure_sensors().map(|(_, s)| Probe::head(s.place())).collect();
             let resolution = Resolution { reaches: 128, duration_s: 1.2 };
             let traces = model.simulate(&conditions, &values, &run, resolution, &probes).unwrap().traces;
             let mut noise = fastrand::Rng::with_seed(7);

@@ -34,8 +34,7 @@ impl Effect for AirPocket {
         // A pocket as soft as a tenth of the water in the pipe, at 30 m of absolute head.
         let line_m2: f64 = site
             .rig
-            .pipes
-            .iter()
+            .way_pipes()
             .map(|p| GRAVITY_M_S2 * p.area_m2() * p.length_m / p.wave_speed_start(site.water).0.powi(2))
             .sum();
         let start_ml = (0.1 * line_m2 * 30.0 * 1e6).clamp(0.1, 1e3);
@@ -68,7 +67,7 @@ impl Effect for AirPocket {
         }
         // Below vapour pressure the air continues to expand linearly.
         let low_m = scene.vapour_head_m() + scene.atmosphere_head_m();
-        let floor_m = scene.rig.elevation_m(scene.rig.length_m()) - scene.atmosphere_head_m();
+        let floor_m = scene.rig.elevation_m(scene.rig.valve_place()) - scene.atmosphere_head_m();
         let reference_m = scene.valve_head_m - floor_m;
         let boils_not = reference_m > low_m;
         check(

@@ -29,8 +29,11 @@ impl Effect for Blockage {
     fn remedy(&self, place_m: Option<f64>, _sensor: Option<&str>) -> Option<String> {
         place_m.map(|at| format!("look for what narrows the pipe at {at:.1} m, take it out and repeat the test"))
     }
+    fn on_pipe(&self) -> bool {
+        true
+    }
     fn parameters(&self, site: &Site, _elements: usize) -> Vec<Parameter> {
-        let length_m = site.rig.length_m();
+        let length_m = site.length_m();
         vec![
             Parameter::linear(
                 "blockage_position_m",
@@ -58,7 +61,7 @@ impl Effect for Blockage {
 
     fn attachments<'a>(&self, values: &'a [f64], scene: &'a Scene) -> Result<Vec<Attachment<'a>>, ModelError> {
         let [position_m, loss] = *values else { return Ok(Vec::new()) };
-        let inside = position_m > 0.0 && position_m < scene.rig.length_m();
+        let inside = scene.is_inside(position_m);
         check("blockage_position_m", position_m, inside, "inside the pipe, between supply and valve")?;
         check("blockage_K", loss, loss >= 0.0, "zero or more")?;
         if loss == 0.0 {

@@ -35,9 +35,12 @@ impl Effect for Leak {
     fn remedy(&self, place_m: Option<f64>, _sensor: Option<&str>) -> Option<String> {
         place_m.map(|at| format!("look for the leak at {at:.1} m, close it and repeat the test"))
     }
+    fn on_pipe(&self) -> bool {
+        true
+    }
     fn parameters(&self, site: &Site, _elements: usize) -> Vec<Parameter> {
-        let length_m = site.rig.length_m();
-        let area_mm2 = 1e6 * site.rig.pipes[0].area_m2();
+        let length_m = site.length_m();
+        let area_mm2 = 1e6 * site.pipe().area_m2();
         vec![
             Parameter::linear(
                 "leak_position_m",
@@ -65,7 +68,7 @@ impl Effect for Leak {
 
     fn attachments<'a>(&self, values: &'a [f64], scene: &'a Scene) -> Result<Vec<Attachment<'a>>, ModelError> {
         let [position_m, cda_mm2] = *values else { return Ok(Vec::new()) };
-        let inside = position_m > 0.0 && position_m < scene.rig.length_m();
+        let inside = scene.is_inside(position_m);
         check("leak_position_m", position_m, inside, "inside the pipe, between supply and valve")?;
         check("leak_cda_mm2", cda_mm2, cda_mm2 >= 0.0, "zero or more")?;
         if cda_mm2 == 0.0 {

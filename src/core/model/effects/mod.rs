@@ -62,8 +62,8 @@ pub static CATALOGUE: &[&dyn Effect] = &[
 pub fn parse_list(text: &str) -> Result<Vec<Chosen>, ModelError> {
     let mut chosen: Vec<Chosen> = Vec::new();
     for item in text.split(',').map(str::trim).filter(|s| !s.is_empty() && *s != "none") {
-        let (item, sensor) = match item.split_once('@') {
-            Some((item, sensor)) => (item, Some(sensor.to_owned())),
+        let (item, at) = match item.split_once('@') {
+            Some((item, at)) => (item, Some(at.to_owned())),
             None => (item, None),
         };
         let (name, number) = match item.split_once(':') {
@@ -93,18 +93,28 @@ pub fn parse_list(text: &str) -> Result<Vec<Chosen>, ModelError> {
             }
             (Some(_), None) => return Err(ModelError::NoElements { item: item.to_owned() }),
         };
-        if sensor.is_some() && !effect.at_sensor() {
+        if at.is_some() && !effect.at_sensor() && !effect.on_pipe() {
             return Err(ModelError::NoSensor { item: item.to_owned() });
         }
+        let (sensor, pipe) = if effect.at_sensor() { (at, None) } else { (None, at) };
         for other in &chosen {
             if other.effect.name() == name {
                 return Err(ModelError::EffectTwice { name: name.to_owned() });
             }
             excluded(effect, other.effect)?;
         }
-        chosen.push(Chosen { effect, elements, sensor });
+        chosen.push(Chosen { effect, elements, sensor, pipe });
     }
     Ok(chosen)
+}
+
+/// Why there is no setting such as `leak_pipe`: the pipe stands behind the effect's name.
+pub fn pipe_is_no_setting(name: &str) -> Option<String> {
+    let own = name.strip_suffix("_pipe")?;
+    let effect = CATALOGUE.iter().find(|e| e.on_pipe() && e.name().split('-').any(|word| word == own))?.name();
+    Some(format!(
+        "the pipe stands behind the effect's name: write {effect}@PIPE in option `effects`, PIPE being the name of the pipe"
+    ))
 }
 
 /// As on the command line.
@@ -149,5 +159,9 @@ mod tests {
         assert!(slip.contains("did you mean 'viscoelastic-wall'"), "{slip}");
         assert!(parse_list("viscoelastic-wall:0").unwrap_err().to_string().contains("from 1 to"));
         assert!(parse_list("viscoelastic-wall,viscoelastic-wall:2").unwrap_err().to_string().contains("twice"));
+        for (setting, write) in [("leak_pipe", "leak@PIPE"), ("branch_pipe", "side-branch@PIPE")] {
+            assert!(pipe_is_no_setting(setting).unwrap().contains(write), "{setting}");
+        }
+        assert_eq!((pipe_is_no_setting("tau1_s"), pipe_is_no_setting("gas_pipe")), (None, None));
     }
 }

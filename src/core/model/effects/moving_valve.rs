@@ -35,7 +35,7 @@ impl Effect for MovingValve {
 
     /// Travel that takes in as much water as a hundredth of the pipe, one oscillation in a quarter of the period.
     fn parameters(&self, site: &Site, _elements: usize) -> Vec<Parameter> {
-        let pipe = &site.rig.pipes[site.rig.pipes.len() - 1];
+        let pipe = site.rig.pipe_at_valve();
         let wave_speed = pipe.wave_speed_start(site.water).0;
         let whole_mm_per_m = 1e3 * GRAVITY_M_S2 * site.rig.length_m() / wave_speed.powi(2);
         vec![

@@ -38,8 +38,11 @@ impl Effect for SectionChange {
 
     /// The two ends, each a front of its own in the record. Either order is allowed, so that they may pass each other
     /// in a fit.
+    fn on_pipe(&self) -> bool {
+        true
+    }
     fn parameters(&self, site: &Site, _elements: usize) -> Vec<Parameter> {
-        let length_m = site.rig.length_m();
+        let length_m = site.length_m();
         vec![
             Parameter::linear(
                 "section_start_m",

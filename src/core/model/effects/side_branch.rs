@@ -34,8 +34,11 @@ impl Effect for SideBranch {
     fn remedy(&self, place_m: Option<f64>, _sensor: Option<&str>) -> Option<String> {
         place_m.map(|at| format!("close off the branch at {at:.1} m and repeat the test"))
     }
+    fn on_pipe(&self) -> bool {
+        true
+    }
     fn parameters(&self, site: &Site, _elements: usize) -> Vec<Parameter> {
-        let length_m = site.rig.length_m();
+        let length_m = site.length_m();
         vec![
             Parameter::linear(
                 "branch_position_m",
@@ -72,7 +75,7 @@ impl Effect for SideBranch {
 
     fn attachments<'a>(&self, values: &'a [f64], scene: &'a Scene) -> Result<Vec<Attachment<'a>>, ModelError> {
         let [position_m, length_m, area_ratio] = *values else { return Ok(Vec::new()) };
-        let inside = position_m > 0.0 && position_m < scene.rig.length_m();
+        let inside = scene.is_inside(position_m);
         check("branch_position_m", position_m, inside, "inside the pipe, between supply and valve")?;
         check("branch_length_m", length_m, length_m >= 0.0, "zero or more")?;
         check("branch_area_ratio", area_ratio, area_ratio >= 0.0, "zero or more")?;
@@ -225,7 +228,7 @@ mod tests {
         let heads = |reaches: usize, position_m: f64| {
             let resolution = Resolution { reaches, duration_s: 0.6 };
             let shared = [1300.0, position_m, 7.5, 1.0];
-            let probes = [Probe::Head(80.0)];
+            let probes = [Probe::head(80.0)];
             let made = model.simulate(&Conditions::of(water), &shared, &run, resolution, &probes).unwrap();
             (0..600).map(|i| made.traces[0].at(1e-3 * f64::from(i))).collect::<Vec<f64>>()
         };

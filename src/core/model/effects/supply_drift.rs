@@ -5,6 +5,7 @@ use crate::model::effect::{Effect, check};
 use crate::model::error::ModelError;
 use crate::model::parameter::Parameter;
 use crate::model::scene::Site;
+use crate::rig::Rig;
 
 /// See the module.
 pub struct SupplyDrift;
@@ -24,6 +25,14 @@ impl Effect for SupplyDrift {
     }
     fn trace(&self) -> &'static str {
         "a slow shift of the mean, the same at all sensors; amplitude and period stay"
+    }
+    fn at_supply(&self) -> bool {
+        true
+    }
+    fn impossible(&self, rig: &Rig) -> Option<&'static str> {
+        let supply = &rig.graph.nodes[rig.graph.supply()];
+        (!supply.kind.holds_given_head())
+            .then_some("no reservoir feeds the rig: the head of its tank or pump follows from its own law")
     }
     fn parameters(&self, site: &Site, _elements: usize) -> Vec<Parameter> {
         vec![

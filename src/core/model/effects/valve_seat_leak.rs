@@ -41,7 +41,7 @@ impl Effect for ValveSeatLeak {
         &[("valve-seat-leak/stroke", ONE_REST)]
     }
     fn parameters(&self, site: &Site, _elements: usize) -> Vec<Parameter> {
-        let area_mm2 = 1e6 * site.rig.pipes.last().map_or(0.0, |pipe| pipe.area_m2());
+        let area_mm2 = 1e6 * site.rig.pipe_at_valve().area_m2();
         let about = "area of the gap that stays when the valve is closed, times its discharge coefficient";
         let (start, lower, upper) = (3e-4 * area_mm2, 1e-7 * area_mm2, 0.1 * area_mm2);
         vec![Parameter::log("seat_cda_mm2", "mm²", about, start, lower, upper).vanishing_at(0.0)]

@@ -28,7 +28,8 @@ pub(crate) fn check_flow(
     }
     let mut heads: Vec<(&Sensor, f64, f64)> =
         fronts.iter().filter_map(|f| f.steady_head_m(rig, water).map(|(h, off)| (f.track.sensor, h, off))).collect();
-    heads.sort_by(|a, b| a.0.position_m.total_cmp(&b.0.position_m));
+    let on_way_m = |sensor: &Sensor| rig.on_way_m(sensor.place());
+    heads.sort_by(|a, b| on_way_m(a.0).total_cmp(&on_way_m(b.0)));
     if let [first, .., last] = &heads[..] {
         findings.push(check_loss(rig, *first, *last, flow, water));
     }
@@ -43,7 +44,7 @@ fn check_loss(
     water: &WaterProperties,
 ) -> Finding {
     let measured = up_m - down_m;
-    let expected = friction_loss_m(rig, up.position_m, down.position_m, flow, water);
+    let expected = friction_loss_m(rig, rig.on_way_m(up.place()), rig.on_way_m(down.place()), flow, water);
     // a percent of the diameter makes five percent of the loss; bends and joints add to it
     let slack = up_off + down_off + 0.15 * expected.abs();
     let off = measured - expected;

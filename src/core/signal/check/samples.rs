@@ -47,7 +47,9 @@ pub(crate) fn check_sample_rate(
     let sensor = front.track.sensor;
     let interval = front.track.interval_s()?;
     let closing = rig.valve.closing_time_s;
-    let apart = |other: &Front<'_>| travel_s(rig, sensor.position_m, other.track.sensor.position_m, water);
+    let apart = |other: &Front<'_>| {
+        travel_s(rig, rig.on_way_m(sensor.place()), rig.on_way_m(other.track.sensor.place()), water)
+    };
     let nearest = all.iter().map(apart).filter(|t| *t > 0.0).min_by(f64::total_cmp);
     let shortest = nearest.map_or(closing, |t| t.min(closing));
     let samples = shortest / interval;
@@ -68,7 +70,7 @@ fn travel_s(rig: &Rig, a_m: f64, b_m: f64, water: &WaterProperties) -> f64 {
     let (from, to) = (a_m.min(b_m), a_m.max(b_m));
     let mut start = 0.0;
     let mut time = 0.0;
-    for pipe in &rig.pipes {
+    for pipe in rig.way_pipes() {
         let end = start + pipe.length_m;
         time += (to.min(end) - from.max(start)).max(0.0) / pipe.wave_speed_start(water).0;
         start = end;

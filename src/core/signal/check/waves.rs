@@ -12,7 +12,7 @@ const FAR_OFF: f64 = 1.3;
 /// Compares the speed of the first wave between neighbouring sensors of one pipe with that of its material.
 pub(crate) fn check_travel(rig: &Rig, fronts: &[Front<'_>], water: &WaterProperties) -> Vec<Finding> {
     let mut arrived: Vec<(f64, f64, &Front<'_>)> =
-        fronts.iter().filter_map(|f| Some((f.track.sensor.position_m, f.arrival_s?, f))).collect();
+        fronts.iter().filter_map(|f| Some((rig.on_way_m(f.track.sensor.place()), f.arrival_s?, f))).collect();
     arrived.sort_by(|a, b| b.0.total_cmp(&a.0));
     let pair = |w: &[(f64, f64, &Front<'_>)]| {
         let [(near_m, near_s, near), (far_m, far_s, far)] = w else { return None };
@@ -47,7 +47,7 @@ pub(crate) fn check_speeds(rig: &Rig, recording: &Recording, water: &WaterProper
     let mean = |end: usize, pick: fn(f64, f64) -> f64| {
         let speed = |p: &Pipe| p.material_wave_speeds_m_s(water)[end];
         let travel = |p: &Pipe| p.length_m / p.wave_speed_m_s.map_or(speed(p), |given| pick(speed(p), given));
-        rig.length_m() / rig.pipes.iter().map(travel).sum::<f64>()
+        rig.length_m() / rig.way_pipes().map(travel).sum::<f64>()
     };
     let (lo, hi) = (mean(0, f64::min), mean(1, f64::max));
     let crossings = features.wave_speed.crossings.map(|c| (c.value, c.standard_error));
@@ -70,7 +70,7 @@ pub(crate) fn check_speeds(rig: &Rig, recording: &Recording, water: &WaterProper
 
 fn pipe_between(rig: &Rig, from_m: f64, to_m: f64) -> Option<&Pipe> {
     let mut start = 0.0;
-    rig.pipes.iter().find(|pipe| {
+    rig.way_pipes().find(|pipe| {
         let inside = from_m >= start - 1e-6 && to_m <= start + pipe.length_m + 1e-6;
         start += pipe.length_m;
         inside

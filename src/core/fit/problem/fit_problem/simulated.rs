@@ -6,6 +6,7 @@ use crate::fit::problem::latest::Kept;
 use crate::model::energy::Energy;
 use crate::model::trace::Probe;
 use crate::model::{Conditions, Model, ModelError, Resolution, RunValues, Simulated};
+use crate::rig::Place;
 
 /// [`Model::simulate`] or [`Model::simulate_with_energy`].
 type Simulate<'a> =
@@ -17,13 +18,13 @@ impl<'a> FitProblem<'a> {
     /// # Errors
     /// As [`Model::simulate`].
     pub fn modelled(&self, r: usize, values: &[f64], reaches: usize) -> Result<Modelled, ModelError> {
-        self.sensed(r, values, self.simulated(r, values, reaches, &self.places_m(r, values), Model::simulate)?)
+        self.sensed(r, values, self.simulated(r, values, reaches, &self.places(r, values), Model::simulate)?)
     }
 
     /// What a run's gauges show of a simulation.
     pub(super) fn sensed(&self, r: usize, values: &[f64], simulated: Simulated) -> Result<Modelled, ModelError> {
         let (run, shared) = (&self.runs[r], &values[..self.model.shared.len()]);
-        let meter_flow_m3_s = run.meter.as_ref().map(|m| simulated.steady_flow_m3_s(m.position_m));
+        let meter_flow_m3_s = run.meter.as_ref().map(|m| simulated.steady_flow_m3_s(m.place));
         let sensed = run.sensors.iter().zip(simulated.traces);
         let traces = sensed.map(|(s, trace)| self.model.sensed(shared, &s.sensor, trace)).collect::<Result<_, _>>()?;
         Ok(Modelled { traces, meter_flow_m3_s })
@@ -34,22 +35,26 @@ impl<'a> FitProblem<'a> {
         if let Some(latest) = self.latest(r, values) {
             return Ok(latest);
         }
-        let (reaches, mut places_m) = (self.window.reaches, self.places_m(r, values));
+        let (reaches, mut places) = (self.window.reaches, self.places(r, values));
         if !keep {
-            return self.simulated(r, values, reaches, &places_m, Model::simulate);
+            return self.simulated(r, values, reaches, &places, Model::simulate);
         }
-        let sensors = places_m.len();
-        places_m.extend(self.place_variables().map(|j| values[j] + self.difference_step(j)));
-        let mut simulated = self.simulated(r, values, reaches, &places_m, Model::simulate)?;
+        let sensors = places.len();
+        // Where one of them would stand a step further.
+        for (i, sensor) in self.runs[r].sensors.iter().enumerate() {
+            let own = self.place_variable(&sensor.sensor);
+            places.extend(own.map(|j| Place { position_m: values[j] + self.difference_step(j), ..places[i] }));
+        }
+        let mut simulated = self.simulated(r, values, reaches, &places, Model::simulate)?;
         let (causes, needed_s) = (self.causes(r, values), self.needed_s(r, values));
-        self.latest[r].keep(Kept { causes, needed_s, places_m, simulated: simulated.clone() });
+        self.latest[r].keep(Kept { causes, needed_s, places, simulated: simulated.clone() });
         simulated.traces.truncate(sensors);
         Ok(simulated)
     }
 
     /// The latest simulation, if it can be reused for these values.
     pub(super) fn latest(&self, r: usize, values: &[f64]) -> Option<Simulated> {
-        self.latest[r].read(&self.causes(r, values), self.needed_s(r, values), &self.places_m(r, values))
+        self.latest[r].read(&self.causes(r, values), self.needed_s(r, values), &self.places(r, values))
     }
 
     /// Everything that the waves of a run depend on, of the values.
@@ -64,9 +69,9 @@ impl<'a> FitProblem<'a> {
         shared.chain(run).chain(driven).map(|j| values[j]).collect()
     }
 
-    /// Where a run's sensors stand, m from the supply.
-    fn places_m(&self, r: usize, values: &[f64]) -> Vec<f64> {
-        self.runs[r].sensors.iter().map(|s| self.place_m(&s.sensor, values)).collect()
+    /// Where a run's sensors stand.
+    fn places(&self, r: usize, values: &[f64]) -> Vec<Place> {
+        self.runs[r].sensors.iter().map(|s| self.place(&s.sensor, values)).collect()
     }
 
     /// Time from the start of a run's closure to its last sample that enters, s.
@@ -85,8 +90,8 @@ impl<'a> FitProblem<'a> {
     /// # Errors
     /// As [`Model::simulate`].
     pub fn energy(&self, r: usize, values: &[f64], reaches: usize) -> Result<Option<Energy>, ModelError> {
-        let places_m = self.places_m(r, values);
-        Ok(self.simulated(r, values, reaches, &places_m, Model::simulate_with_energy)?.energy)
+        let places = self.places(r, values);
+        Ok(self.simulated(r, values, reaches, &places, Model::simulate_with_energy)?.energy)
     }
 
     /// Simulates a run by one of the model's methods: heads at these places.
@@ -95,11 +100,11 @@ impl<'a> FitProblem<'a> {
         r: usize,
         values: &[f64],
         reaches: usize,
-        places_m: &[f64],
+        places: &[Place],
         simulate: Simulate<'a>,
     ) -> Result<Simulated, ModelError> {
         let start_s = self.closure_start_s(r, values);
-        let probes: Vec<Probe> = places_m.iter().map(|&place| Probe::Head(place)).collect();
+        let probes: Vec<Probe> = places.iter().map(|&place| Probe::Head(place)).collect();
         let mut conditions = self.runs[r].conditions.clone();
         if let Some((time_s, _)) = &mut conditions.supply_deviation {
             time_s.iter_mut().for_each(|t| *t -= start_s);

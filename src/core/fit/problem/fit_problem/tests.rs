@@ -65,7 +65,7 @@ fn run(rig: &Rig, file: &str) -> RunData {
             closing_time: None,
         },
         extrema: vec![Vec::new(); 2],
-        meter: (file == "a").then_some(Meter { position_m: 0.0, flow_m3_s: 8e-4, relative_sd: 0.01 }),
+        meter: (file == "a").then_some(Meter { place: 0.0.into(), flow_m3_s: 8e-4, relative_sd: 0.01 }),
     }
 }
 
