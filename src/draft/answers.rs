@@ -4,6 +4,7 @@ use crate::draft::{Said, place, sensors_of, without_pressure};
 use crate::rig::draft::{Draft, DraftSensor, Told};
 use crate::rig::material::{MATERIALS, Material};
 use crate::rig::{SensorKind, spelled_unit};
+use crate::storage::import::source::NAMELESS;
 use crate::storage::import::{SourceFile, Track, is_electric};
 use crate::storage::nearest::{listed, nearest};
 use crate::units::written::{measure, number};
@@ -166,8 +167,13 @@ pub enum Amiss {
 pub fn no_pressure(file: &SourceFile, columns: Vec<String>) -> Amiss {
     let others = || file.tracks.iter().filter(|track| columns.contains(&track.name));
     let unit = |track: &Track| track.unit.clone().unwrap_or_default();
+    // a column without a heading goes by its place
+    let called = |track: &Track| match (track.name.trim(), track.place) {
+        ("", Some(place)) => format!("{NAMELESS}{place}"),
+        _ => track.name.clone(),
+    };
     let first =
-        |is: &dyn Fn(&str) -> bool| others().find(|track| is(&unit(track))).map(|track| (&track.name, unit(track)));
+        |is: &dyn Fn(&str) -> bool| others().find(|track| is(&unit(track))).map(|track| (called(track), unit(track)));
     let volts = first(&is_electric).map(|(name, unit)| {
         format!(
             "the ranges of its transducer, for it is in '{unit}', as in option `scale '{name}=1..5 -> 0..10 bar'` (or its line, '{name}=2.5*x-2.5 bar')"

@@ -184,7 +184,8 @@ fn a_missing_column_is_named_with_those_that_are_there() {
 fn times_that_run_backwards_are_refused_and_the_mean_of_those_that_repeat_is_said() {
     let bench = Bench::new();
     bench.put("back.csv", CSV.replace("0.0015", "0.0007"));
-    let words = ["back.csv:5", "0.0007 does not come after 0.0010 of line 4", "sort the file"];
+    let words =
+        ["back.csv:5", "0.0007 does not come after 0.0010 of line 4", "if another run begins here, split the file"];
     bench.refuses("import back.csv --rig rig.toml -o x.mcap", &words);
     bench.put("twice.csv", CSV.replace("0.0015", "0.0010"));
     let (_, err) = bench.expect(0, "import twice.csv --rig rig.toml -o twice.mcap");

@@ -260,6 +260,15 @@ fn a_gap_is_never_read_as_a_feature() {
     let f = inspect(&recording).unwrap();
     assert!((f.wave_speed.crossings.unwrap().value / A - 1.0).abs() < 0.005);
     assert!(f.sensors[0].extrema.iter().all(|e| !(3.0..3.3).contains(&e.time_s)));
+    assert_eq!(f.sensors[0].missing_at_front_s, None);
+    // the first rise is lost: what is found behind it is doubted
+    let mut recording = record(lab, &[L]);
+    cut(&mut recording.series[0], lab.start - 0.01, lab.start + 0.05);
+    let f = inspect(&recording).unwrap();
+    let [from_s, to_s] = f.sensors[0].missing_at_front_s.unwrap();
+    assert!((from_s - lab.start + 0.01).abs() < 0.005 && (to_s - lab.start - 0.05).abs() < 0.005, "{from_s} {to_s}");
+    let found = surgescope::signal::doubts::doubts(&recording.rig, &f);
+    assert!(found.iter().any(|text| text.contains("samples of P1 are missing from")), "{found:?}");
 }
 
 fn cut(series: &mut Series, from: f64, to: f64) {

@@ -64,6 +64,14 @@ pub fn doubts(rig: &Rig, features: &Features) -> Vec<String> {
     }
     for sensor in &features.sensors {
         found.extend(doubt_vacuum(rig, sensor));
+        if let Some([from_s, to_s]) = sensor.missing_at_front_s {
+            let [from, to] = [from_s, to_s].map(|t| significant(t, 5));
+            found.push(format!(
+                "samples of {} are missing from {from} to {to} s, within a period of its front: the front may lie there, and its arrival, its rise, the \
+                 steady head before it and the wave speeds from them are not to be relied on",
+                sensor.name
+            ));
+        }
         if let Some(corners) = sensor.noise.corners {
             found.push(format!(
                 "{} was interpolated: its samples lie on straight lines between points, one for every {:.0} of them (a curve read off a figure, \

@@ -81,6 +81,8 @@ pub struct SensorFeatures {
     pub steady_after_m: Option<Estimate>,
     /// Arrival of the front, s; none if the sensor shows none (at the supply).
     pub front_arrival_s: Option<Estimate>,
+    /// From where to where samples are missing within a period of that front, s.
+    pub missing_at_front_s: Option<[f64; 2]>,
     /// The first peak.
     pub first_peak: Option<Extremum>,
     /// All peaks and troughs in turn, one each half cycle, as long as they stand out from the noise at every sensor.

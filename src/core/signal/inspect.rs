@@ -160,6 +160,15 @@ fn sensor_features(
     let base_m = station.front.as_ref().map_or(trace.head_m[0], |f| f.base_m);
     let newest = (5.0f64.max(2.0 * period_s) / trace.step_s) as usize;
     let extrema = extrema::extrema(trace, cycles, start_s, half_width(trace.step_s, sharp_s));
+    // a front that lies in a gap is sought behind it; a gap in a steady stretch, with one head on both sides, hides none
+    let missing_at_front_s = front_arrival_s.and_then(|front| {
+        let at = trace.index(front.value);
+        let [from, to] =
+            trace.bridged(trace.index(front.value - period_s)..trace.index(front.value + 0.5 * period_s))?;
+        let jump_m = trace.head_m[(to + 1).min(trace.len() - 1)] - trace.head_m[from.saturating_sub(1)];
+        let is_steady = to < at && jump_m.abs() < JUMP * noise.white_sd_m;
+        (!is_steady).then(|| [from, to].map(|i| trace.time_s(i as f64)))
+    });
     SensorFeatures {
         sensor: station.sensor,
         name: place.name.clone(),
@@ -172,11 +181,15 @@ fn sensor_features(
         steady_before_m: levels::before(&trace.head_m[lead], base_m, newest, noise),
         steady_after_m: levels::after(trace, start_s, period_s, noise),
         front_arrival_s,
+        missing_at_front_s,
         first_peak: extrema.first().copied().filter(|e| e.peak),
         damping_per_cycle: Vec::new(),
         extrema,
     }
 }
+
+/// Two samples of one steady head differ by less than so many times their noise.
+const JUMP: f64 = 6.0;
 
 /// Samples on either side over which extrema are smoothed: a tenth of the sharpest that there is.
 fn half_width(step_s: f64, sharp_s: f64) -> usize {

@@ -74,6 +74,13 @@ impl Trace {
             && self.bridged_before[range.end] == self.bridged_before[range.start]
     }
 
+    /// The first and the last point that was bridged in a range, clamped to the record.
+    pub fn bridged(&self, range: Range<usize>) -> Option<[usize; 2]> {
+        let range = range.start.min(self.len())..range.end.min(self.len());
+        let is_bridged = |i: &usize| !self.intact(*i..i + 1);
+        Some([range.clone().find(is_bridged)?, range.rev().find(is_bridged)?])
+    }
+
     /// Start of the unbroken stretch that ends before `end`.
     pub fn unbroken_from(&self, end: usize) -> usize {
         self.bridged_before.partition_point(|&b| b < self.bridged_before[end.min(self.len())])

@@ -185,6 +185,16 @@ fn a_value_that_its_quality_calls_bad_is_missing() {
     assert!(!file.repairs.iter().any(|r| r.text.contains("left out")), "{:?}", file.repairs);
 }
 
+/// OPC's codes say the same in numbers.
+#[test]
+fn opcs_qualities_are_heeded() {
+    let code = |i: usize| if (20..23).contains(&i) { 24 } else { 192 };
+    let head = "time_s,Valve (bar),Middle (bar),Quality\n";
+    let file = read(&table(head, |i, a, b| format!("{:.3},{a:.4},{b:.4},{}", 1e-3 * i as f64, code(i)))).unwrap();
+    assert_eq!(file.tracks.iter().map(|t| t.series.value.len()).collect::<Vec<_>>(), [ROWS - 3, ROWS - 3]);
+    assert!(file.repairs.iter().any(|r| r.lost && r.text.contains("'24' 6 ×")), "{:?}", file.repairs);
+}
+
 /// A clock that runs for another time than the date-times beside it is in another unit than it says, as WinCC's `Time_ms`, which are days.
 #[test]
 fn two_clocks_of_one_table_must_agree() {

@@ -134,8 +134,11 @@ fn table(
     };
     let mut extremes = extremes(&layout.columns, &values);
     extremes.retain(|i| !is_named(i));
-    found.clocks.iter_mut().for_each(|clock| clock.values.retain(|i| !extremes.contains(i)));
-    let values: Vec<usize> = values.into_iter().filter(|i| !extremes.contains(i)).collect();
+    let mut codes = States::of_opc(&layout, &values);
+    codes.retain(|i| !is_named(i));
+    let is_value = |i: &usize| !extremes.contains(i) && !codes.contains(i);
+    found.clocks.iter_mut().for_each(|clock| clock.values.retain(is_value));
+    let values: Vec<usize> = values.into_iter().filter(is_value).collect();
     let names = distinct_names(&layout.columns, &mut repairs);
     if !extremes.is_empty() {
         let listed: Vec<&str> = extremes.iter().map(|&i| names[i].0.as_str()).collect();
@@ -144,7 +147,8 @@ fn table(
         let lost = !extremes.iter().all(is_ignored);
         repairs.push(Repair { lost, ..Repair::new("extremes", extremes.len(), None, text) });
     }
-    let states = States::find(&names.iter().map(|(_, name)| name.clone()).collect::<Vec<_>>(), &found.words, &values);
+    let telling: Vec<usize> = found.words.iter().chain(&codes).copied().collect();
+    let states = States::find(&names.iter().map(|(_, name)| name.clone()).collect::<Vec<_>>(), &telling, &values);
     let is_left = |i: &&usize| !is_key(**i) && !states.has(**i);
     let worded: Vec<&str> =
         found.words.iter().filter(is_left).map(|&i| names[i].0.as_str()).filter(|n| !n.is_empty()).collect();

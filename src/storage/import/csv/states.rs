@@ -1,5 +1,7 @@
 //! Columns of words beside the values that say of each row whether they are any: `Quality`, `Status`.
 
+use crate::storage::import::csv::layout::Layout;
+
 /// How the names of such columns begin or end, in lower case.
 const NAMES: [&str; 7] = ["quality", "qualität", "qualitaet", "status", "validity", "valid", "state"];
 /// How the words begin that say no.
@@ -17,6 +19,9 @@ const BAD: [&str; 12] = [
     "schlecht",
     "fehler",
 ];
+
+/// OPC's code of a good value.
+const GOOD: &str = "192";
 
 /// Which column says it of which values.
 #[derive(Debug, Default)]
@@ -38,6 +43,17 @@ impl States {
         States(values.iter().filter_map(|&value| Some((value, own(value).or_else(of_all)?))).collect())
     }
 
+    /// Columns of OPC's qualities among columns of numbers: 192 is a good value, and what is less than 64 a bad one.
+    pub(crate) fn of_opc<'c>(layout: &'c Layout<'_>, values: &[usize]) -> Vec<usize> {
+        let is_quality = |i: &&usize| layout.columns[**i].name.to_lowercase().contains("quality");
+        let is_code = |cell: &str| cell.parse::<u16>().is_ok_and(|code| code < 256);
+        let is_opc = |i: &&usize| {
+            layout.column(**i).all(|cell| cell.is_empty() || is_code(cell))
+                && layout.column(**i).any(|cell| cell == GOOD)
+        };
+        values.iter().filter(is_quality).filter(is_opc).copied().collect()
+    }
+
     /// The column that says it of a value.
     pub(crate) fn of(&self, value: usize) -> Option<usize> {
         self.0.iter().find(|(v, _)| *v == value).map(|(_, state)| *state)
@@ -49,10 +65,10 @@ impl States {
     }
 }
 
-/// Whether a word says that the value beside it is none.
+/// Whether a word or one of OPC's codes says that the value beside it is none.
 pub(crate) fn is_bad(word: &str) -> bool {
     let lower = word.trim().to_lowercase();
-    BAD.iter().any(|begin| lower.starts_with(begin))
+    lower.parse::<u16>().is_ok_and(|code| code < 64) || BAD.iter().any(|begin| lower.starts_with(begin))
 }
 
 #[cfg(test)]
@@ -67,6 +83,13 @@ mod tests {
         let names = ["t", "Valve", "Middle", "Remark", "Status"].map(str::to_owned);
         let one = States::find(&names, &[3, 4], &[1, 2]);
         assert_eq!((one.of(1), one.of(2), one.has(3)), (Some(4), Some(4), false));
-        assert!(is_bad("Bad, Sensor Failure") && is_bad("Uncertain") && !is_bad("Good") && !is_bad("OK"));
+        assert!(
+            is_bad("Bad, Sensor Failure")
+                && is_bad("Uncertain")
+                && is_bad("0")
+                && !is_bad("192")
+                && !is_bad("Good")
+                && !is_bad("OK")
+        );
     }
 }
