@@ -210,6 +210,15 @@ fn two_clocks_of_one_table_must_agree() {
     assert_eq!(read(&table(head, row(1e3))).unwrap().tracks.len(), 2);
 }
 
+/// Two remarks on the unit that differ contradict each other, wherever they stand.
+#[test]
+fn two_remarks_on_the_unit_must_agree() {
+    let text = table("# unit: bar\ntime_s,Valve,Middle\n", |i, a, b| format!("{:.3},{a:.4},{b:.4}", 1e-3 * i as f64));
+    holds("one", &read(&text).unwrap(), [("bar", 1.0), ("bar", 1.0)]);
+    let said = read(&text.replace("\n0.030,", "\n# unit: psi\n0.030,")).unwrap_err();
+    assert!(said.contains("'psi'") && said.contains("'bar'"), "{said}");
+}
+
 /// A remark among the samples that something changed is shown, and costs exit code 3; another one is shown.
 #[test]
 fn remarks_among_the_samples_are_shown() {

@@ -282,10 +282,9 @@ impl<'t> Layout<'t> {
                 kind_of_name(&column.name)
                     .is_some_and(|kind| quantity_of_unit(unit).is_some_and(|q| q != quantity_of(kind)))
             };
-            let stated = units.iter().find(|(at, unit)| *at == i && !is_other(unit)).map(|(_, unit)| unit);
-            if let Some(unit) = stated {
-                column.state(unit, None, &mut self.contradiction);
-            }
+            let stated: Vec<&String> =
+                units.iter().filter(|(at, unit)| *at == i && !is_other(unit)).map(|(_, unit)| unit).collect();
+            stated.iter().for_each(|unit| column.state(unit, None, &mut self.contradiction));
             if self.settings.is_absolute()
                 && let Some(unit) =
                     column.unit.as_mut().filter(|unit| pressure_unit("", unit).is_some_and(|(_, absolute)| !absolute))

@@ -254,7 +254,10 @@ impl Settings {
         // of several that stand under heads of their own, each is of one
         let headed = self.all.iter().filter(|s| states(s) && s.head.is_some() && s.cells.len() == 1).count() > 1;
         let stated = |s: &&Setting| states(s) && !(headed && s.cells.len() == 1);
-        self.all.iter().rev().find(stated).map_or(Vec::new(), |line| line.by_column(width, values))
+        let Some(line) = self.all.iter().rev().find(stated) else { return Vec::new() };
+        // the same key with another unit contradicts it
+        let again = self.all.iter().filter(stated).filter(|s| s.key == line.key && s.cells != line.cells);
+        std::iter::once(line).chain(again).flat_map(|line| line.by_column(width, values)).collect()
     }
 
     /// The names of columns, where a line states them.
