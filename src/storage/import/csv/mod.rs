@@ -13,6 +13,7 @@ pub(crate) mod cut;
 pub(crate) mod grid;
 pub(crate) mod heading;
 pub(crate) mod keyed;
+mod late;
 pub(crate) mod layout;
 pub(crate) mod lines;
 mod looks;

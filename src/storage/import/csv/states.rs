@@ -44,7 +44,7 @@ impl States {
     }
 
     /// Columns of OPC's qualities among columns of numbers: 192 is a good value, and what is less than 64 a bad one.
-    pub(crate) fn of_opc<'c>(layout: &'c Layout<'_>, values: &[usize]) -> Vec<usize> {
+    pub(crate) fn of_opc(layout: &Layout<'_>, values: &[usize]) -> Vec<usize> {
         let is_quality = |i: &&usize| layout.columns[**i].name.to_lowercase().contains("quality");
         let is_code = |cell: &str| cell.parse::<u16>().is_ok_and(|code| code < 256);
         let is_opc = |i: &&usize| {
