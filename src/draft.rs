@@ -1,7 +1,9 @@
 //! What a file of a test tells of its rig: sensors, units, likely places, temperature, closing time; and what a person says of it.
 
 pub mod answers;
+pub mod epanet;
 pub mod form;
+pub mod network;
 pub mod reading;
 pub mod remark;
 

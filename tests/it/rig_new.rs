@@ -385,3 +385,29 @@ fn a_wave_faster_than_the_rig_allows_is_no_effect() {
     assert_eq!(answer["verdict"], "unknown-effect", "{answer}");
     assert!(answer["pair"].is_null() && answer["warnings"].to_string().contains("no effect makes a wave faster"));
 }
+
+/// A network of EPANET becomes a rig that can be simulated; what the file does not say is asked for.
+#[test]
+fn a_network_of_epanet_becomes_a_rig() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(
+        folder.path().join("net.inp"),
+        "[JUNCTIONS]\n A 0 0\n B 0 18\n C 0 0\n D 0 36\n[RESERVOIRS]\n R 40\n[PIPES]\n p1 R A 300 200 110 0 Open\n p2 A B 120 150 110 0 Open\n\
+         p3 C A 80 150 110 0 Open\n[VALVES]\n V C D 150 FCV 10\n[CONTROLS]\n LINK V CLOSED AT TIME 5\n[OPTIONS]\n Units CMH\n",
+    )
+    .unwrap();
+    let walls = ["--material", "steel", "--wall-thickness-mm", "5"];
+    let (code, _, said) = within(&folder, &["rig", "new", "net.inp", "-o", "net.toml"]);
+    assert!(code == 2 && said.contains("net.inp: the file says nothing of the walls: add --material"), "{said}");
+    let (code, _, said) =
+        within(&folder, &[&["rig", "new", "net.inp", "--valve", "A", "-o", "net.toml"], &walls[..]].concat());
+    assert!(code == 2 && said.contains("'A' is no valve or dead end: give --valve NAME"), "{said}");
+    let made = within(&folder, &[&["rig", "new", "net.inp", "-o", "net.toml", "--json"], &walls[..]].concat());
+    let document: serde_json::Value = serde_json::from_str(&made.1).unwrap();
+    assert!(made.0 == 0 && document["left_out"] == serde_json::json!(["controls"]), "{}", made.2);
+    let settings = ["--set", "initial_velocity_m_s=0.5", "valve_head_m=39", "--duration", "1", "-o", "net.csv"];
+    let (code, _, said) = within(&folder, &[&["simulate", "--rig", "net.toml"], &settings[..]].concat());
+    assert!(code == 0, "{said}");
+    let heads = std::fs::read_to_string(folder.path().join("net.csv")).unwrap();
+    assert!(heads.starts_with("time_s,P1\n") && heads.lines().count() > 5, "{heads}");
+}

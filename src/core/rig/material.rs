@@ -40,7 +40,8 @@ pub struct Creep {
 impl Material {
     /// The material of that name or alias, whatever its case; `None` if unknown.
     pub fn by_name(name: &str) -> Option<&'static Material> {
-        let same = |other: &&str| other.eq_ignore_ascii_case(name.trim());
+        let name = name.trim();
+        let same = |other: &&str| other.eq_ignore_ascii_case(name);
         MATERIALS.iter().find(|m| same(&m.name) || m.aliases.iter().any(same))
     }
 

@@ -18,7 +18,7 @@ use crate::draft::answers::{
     Amiss, Answers, CLOSING_TIME, Drafted, INNER_DIAMETER, LENGTH, Measured, PLACE, RATE, SUPPLIES, TEMPERATURE, WALL,
     flow, known_materials, material, no_pressure, supply,
 };
-use crate::draft::{LIKE_THE_AIR, Said, WRITTEN, contradictions, has_flow, misread, without_pressure};
+use crate::draft::{LIKE_THE_AIR, Said, WRITTEN, contradictions, epanet, has_flow, misread, network, without_pressure};
 use crate::report::advice::quoted;
 use crate::report::rig_drawing;
 use crate::rig::check::{Finding, Level, check as check_rig};
@@ -30,13 +30,15 @@ use crate::shown::Shown as _;
 use crate::storage::import::{Line, SourceFile, SourceOptions, check_names, read_source};
 use crate::storage::nearest::listed;
 use crate::storage::{LogError, output};
+use crate::text_file::read_text;
 use crate::units::written::measure;
 use crate::units::{Quantity, Unit};
 
 /// Write a rig file: asks what is not given, and takes the sensors from a file of the test.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Files of a test (CSV, Excel, TDMS, MCAP): their columns become the sensors. Several are parts of one run, or its sensors.
+    /// Files of a test (CSV, Excel, TDMS, MCAP): their columns become the sensors. Several are parts of one run, or its sensors. Or a network of
+    /// EPANET (.inp).
     #[arg(value_name = "FILE")]
     files: Vec<PathBuf>,
     /// The rig file to write; must not exist.
@@ -69,6 +71,9 @@ pub struct Args {
     /// Nominal closing time of the valve, s [default: as the file shows it, or 0.1].
     #[arg(long, value_name = "S", value_parser = above_0("s"), allow_negative_numbers = true)]
     closing_time_s: Option<f64>,
+    /// Of a network: the valve that closes, or the dead end where the flow is shut off.
+    #[arg(long, value_name = "NAME")]
+    valve: Option<String>,
     /// Head behind the valve, m [default: 0].
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     discharge_head_m: Option<f64>,
@@ -85,6 +90,10 @@ pub struct Args {
     #[arg(short, long)]
     yes: bool,
 }
+
+/// Of a network, where nothing is given: temperature of the water, °C, and closing time, s.
+const TEMPERATURE_DEGC: f64 = 20.0;
+const CLOSING_TIME_S: f64 = 0.1;
 
 /// A number above 0 in a unit, or with its own unit behind it.
 fn above_0(unit: &'static str) -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync {
@@ -110,6 +119,9 @@ fn supplies() -> impl TypedValueParser<Value = String> {
 pub fn run(mut args: Args, json: bool) -> CommandResult {
     if args.output.exists() {
         return Err(format!("{} exists already: name another file with -o", args.output.shown()).into());
+    }
+    if let Some(file) = args.files.iter().find(|file| file.extension().is_some_and(|e| e.eq_ignore_ascii_case("inp"))) {
+        return of_network(&args, file, json);
     }
     let asks = !args.yes && !json && stdin().is_terminal() && stderr().is_terminal();
     let ask = Ask { asks, dialogue: Dialogue::default() };
@@ -168,6 +180,47 @@ pub fn run(mut args: Args, json: bool) -> CommandResult {
     }
     if !json {
         tell!("next: {}", next(&args));
+    }
+    Ok(Outcome::Done)
+}
+
+/// A rig file from a network of EPANET.
+fn of_network(args: &Args, file: &Path, json: bool) -> CommandResult {
+    let wrong = |what: &str| format!("{}: {what}", file.shown());
+    if args.files.len() > 1 {
+        return Err(wrong("a network is read alone").into());
+    }
+    let (Some(material), Some(wall_thickness_mm)) = (args.material, args.wall_thickness_mm) else {
+        return Err(wrong("the file says nothing of the walls: add --material and --wall-thickness-mm").into());
+    };
+    let stem = args.output.file_stem().map_or_else(|| "rig".into(), |stem| stem.to_string_lossy());
+    let network = epanet::read(&read_text(file)?).map_err(|fault| wrong(&fault.to_string()))?;
+    let told = network::Told {
+        name: args.name.as_deref().unwrap_or(&stem),
+        temperature_degc: args.temperature_degc.unwrap_or(TEMPERATURE_DEGC),
+        material: material.name,
+        wall_thickness_mm,
+        valve: args.valve.as_deref(),
+        closing_time_s: args.closing_time_s.unwrap_or(CLOSING_TIME_S),
+        unit: args.unit.map_or("bar", |unit| unit.symbol),
+    };
+    let network::Drafted { text, mut assumed } = network::draft(&network, &told).map_err(|what| wrong(&what))?;
+    let rig = Rig::from_toml(&text, &args.output.shown())?;
+    output::write(&args.output, &text)?;
+    let default = |given: bool, words: String| (!given).then_some(words);
+    assumed.extend(default(args.temperature_degc.is_some(), format!("water of {TEMPERATURE_DEGC} °C")));
+    assumed.extend(default(args.closing_time_s.is_some(), format!("a closing time of {CLOSING_TIME_S} s")));
+    assumed.iter().for_each(|line| tell!("assumed: {line}"));
+    network.left_out.iter().for_each(|line| tell!("left out: {line}"));
+    if json {
+        let sensors: Vec<Value> =
+            rig.sensors.iter().map(|s| json!({ "name": s.name, "unit": s.unit.symbol })).collect();
+        say_document(
+            json!({ "rig": args.output, "assumed": assumed, "left_out": network.left_out, "doubts": [], "sensors": sensors }),
+        )?;
+    } else {
+        say_text!(check::table(&check_rig(&rig)));
+        say!("{}: a rig with {} nodes and {} pipes", args.output.shown(), rig.graph.nodes.len(), rig.pipes.len());
     }
     Ok(Outcome::Done)
 }
