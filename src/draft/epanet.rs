@@ -141,6 +141,11 @@ impl Row<'_> {
         number.ok_or_else(|| self.fault(format!("{what} must be a number, not '{word}'")))
     }
 
+    fn positive(&self, i: usize, what: &str) -> Result<f64, Fault> {
+        let number = self.number(i, what)?;
+        if number > 0.0 { Ok(number) } else { Err(self.fault(format!("{what} must be above 0, not {number}"))) }
+    }
+
     /// A number that may be left out.
     fn or(&self, i: usize, default: f64, what: &str) -> Result<f64, Fault> {
         if i < self.words.len() { self.number(i, what) } else { Ok(default) }
@@ -208,7 +213,7 @@ pub fn read(text: &str) -> Result<Network, Fault> {
                     NodeKind::Reservoir(height_m)
                 }
                 _ => {
-                    let diameter_m = length * row.number(5, "the tank's diameter")?;
+                    let diameter_m = length * row.positive(5, "the tank's diameter")?;
                     let level_m = height_m + length * row.number(2, "the tank's level")?;
                     NodeKind::Tank(level_m, std::f64::consts::FRAC_PI_4 * diameter_m * diameter_m)
                 }
@@ -248,11 +253,13 @@ pub fn read(text: &str) -> Result<Network, Fault> {
             }
             let kind = match section {
                 "PIPES" => LinkKind::Pipe {
-                    length_m: length * row.number(3, "the pipe's length")?,
-                    diameter_mm: millimetres * row.number(4, "the pipe's diameter")?,
+                    length_m: length * row.positive(3, "the pipe's length")?,
+                    diameter_mm: millimetres * row.positive(4, "the pipe's diameter")?,
                     // Of Darcy's formula in mm, or in 1/1000 ft.
-                    roughness: row.number(5, "the pipe's roughness")?
-                        * if friction == Friction::Darcy { length } else { 1.0 },
+                    roughness: match friction {
+                        Friction::Darcy => length * row.number(5, "the pipe's roughness")?,
+                        _ => row.positive(5, "the pipe's roughness")?,
+                    },
                     minor: row
                         .or(6, 0.0, "the minor loss")
                         .or_else(|fault| if row.words.len() == 7 { Ok(0.0) } else { Err(fault) })?,
@@ -272,7 +279,7 @@ pub fn read(text: &str) -> Result<Network, Fault> {
                     LinkKind::Pump(points)
                 }
                 _ => LinkKind::Valve {
-                    diameter_mm: millimetres * row.number(3, "the valve's diameter")?,
+                    diameter_mm: millimetres * row.positive(3, "the valve's diameter")?,
                     kind: row.word(4, "the valve's type")?.to_ascii_uppercase(),
                     setting: row.or(5, 0.0, "the valve's setting").unwrap_or(0.0),
                 },
@@ -321,6 +328,7 @@ mod tests {
         for (from, to, says) in [
             ("GPM", "XYZ", "line 17: the unit of flow 'XYZ' is not known"),
             ("10530 18", "long 18", "line 10: the pipe's length must be a number, not 'long'"),
+            ("10530 18", "10530 0", "line 10: the pipe's diameter must be above 0, not 0"),
             (" 110 2 11", " 110 2 12", "line 11: there is no node '12'"),
             ("HEAD 1", "HEAD 7", "line 13: there is no curve '7'"),
             ("H-W", "X-Y", "line 18: the formula of headloss must be H-W, D-W or C-M"),

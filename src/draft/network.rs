@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use crate::draft::epanet::{Friction, Link, LinkKind, Network, NodeKind};
+use crate::rig::draft::quoted;
 use crate::units::GRAVITY_M_S2;
 
 /// Velocity at which Hazen and Williams' friction is taken, m/s: Darcy's factor falls with its power of -0.148.
@@ -163,12 +164,15 @@ pub fn draft(network: &Network, told: &Told) -> Result<Drafted, String> {
         made.push(Made { name: name.clone(), lines, at: nodes[before].at.or(nodes[behind].at) });
     }
 
-    let mut text =
-        format!("name = {:?}\n\n[fluid]\nname = \"water\"\ntemperature_degC = {}\n", told.name, told.temperature_degc);
+    let mut text = format!(
+        "name = {}\n\n[fluid]\nname = \"water\"\ntemperature_degC = {}\n",
+        quoted(told.name),
+        told.temperature_degc
+    );
     let all_drawn = made.iter().all(|node| node.at.is_some());
     for Made { name, lines, at } in &made {
         let at = at.filter(|_| all_drawn).map_or(String::new(), |[x, y]| format!("at = [{x:?}, {y:?}]\n"));
-        let _ = write!(text, "\n[[node]]\nname = {name:?}\n{lines}{at}");
+        let _ = write!(text, "\n[[node]]\nname = {}\n{lines}{at}", quoted(name));
     }
     for link in links {
         let LinkKind::Pipe { length_m, diameter_mm, roughness, check, .. } = link.kind else { continue };
@@ -193,14 +197,14 @@ pub fn draft(network: &Network, told: &Told) -> Result<Drafted, String> {
         };
         let _ = write!(
             text,
-            "\n[[pipe]]\nname = {:?}\nfrom = {:?}\nto = {:?}\nlength_m = {}\ninner_diameter_mm = {}\nwall_thickness_mm = {}\nmaterial = {:?}\n{friction}\n",
-            link.name,
-            end(from),
-            end(to),
+            "\n[[pipe]]\nname = {}\nfrom = {}\nto = {}\nlength_m = {}\ninner_diameter_mm = {}\nwall_thickness_mm = {}\nmaterial = {}\n{friction}\n",
+            quoted(&link.name),
+            quoted(end(from)),
+            quoted(end(to)),
             short(length_m),
             short(diameter_mm),
             told.wall_thickness_mm,
-            told.material
+            quoted(told.material)
         );
     }
     let valve = match closing {
@@ -209,8 +213,12 @@ pub fn draft(network: &Network, told: &Told) -> Result<Drafted, String> {
             passed.iter().position(|l| l.name == name).map_or_else(String::new, |i| passed_names[i].clone())
         }
     };
-    let _ =
-        write!(text, "\n[[sensor]]\nname = \"P1\"\nkind = \"pressure\"\nnode = {valve:?}\nunit = {:?}\n", told.unit);
+    let _ = write!(
+        text,
+        "\n[[sensor]]\nname = \"P1\"\nkind = \"pressure\"\nnode = {}\nunit = {}\n",
+        quoted(&valve),
+        quoted(told.unit)
+    );
     assumed.push(format!("a pressure sensor P1 at '{valve}', which closes"));
     if *friction == Friction::HazenWilliams {
         assumed.push(format!("friction factors that have Hazen and Williams' loss at {TAKEN_AT_M_S} m/s"));

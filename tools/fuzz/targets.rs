@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use surgescope::draft::epanet;
+use surgescope::draft::network::{Told, draft};
 use surgescope::rig::Rig;
 use surgescope::storage as log;
 use surgescope::storage::import::{MessageTime, SourceOptions, bind, decode_source};
@@ -14,6 +16,7 @@ pub struct Target {
 
 pub const TARGETS: &[Target] = &[
     Target { name: "rig", run: rig },
+    Target { name: "epanet", run: epanet },
     Target { name: "recording", run: recording },
     Target { name: "csv", run: csv },
     Target { name: "tdms", run: tdms },
@@ -29,6 +32,31 @@ fn rig(input: &[u8]) {
     let Ok(text) = std::str::from_utf8(input) else { return };
     if let Err(error) = Rig::from_toml(text, "rig.toml") {
         let _ = error.to_string();
+    }
+}
+
+/// Networks of EPANET: what becomes a rig file is read as one, or refused with a sentence.
+fn epanet(input: &[u8]) {
+    let Ok(text) = std::str::from_utf8(input) else { return };
+    let network = match epanet::read(text) {
+        Ok(network) => network,
+        Err(fault) => return drop(fault.to_string()),
+    };
+    let (material, wall_thickness_mm) = ("steel", 4.0);
+    let told = Told {
+        name: "net",
+        temperature_degc: 20.0,
+        material,
+        wall_thickness_mm,
+        valve: None,
+        closing_time_s: 0.1,
+        unit: "bar",
+    };
+    if let Ok(made) = draft(&network, &told) {
+        if let Err(error) = Rig::from_toml(&made.text, "net.toml") {
+            let _ = error.to_string();
+        }
+        made.text.parse::<toml::Table>().expect("a rig file is TOML");
     }
 }
 

@@ -152,6 +152,6 @@ fn number(value: f64) -> String {
 }
 
 /// A text as TOML takes it.
-fn quoted(text: &str) -> String {
+pub fn quoted(text: &str) -> String {
     toml::Value::String(text.to_owned()).to_string()
 }
