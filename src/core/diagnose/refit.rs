@@ -178,7 +178,12 @@ pub fn refine(baseline: &Baseline, screened: &Refit) -> Result<Refit, ModelError
 }
 
 fn no_start(form: &Form) -> ModelError {
-    ModelError::NotFinite { time_s: 0.0, position_m: 0.0, effects: form.chosen.label() }
+    ModelError::NotFinite {
+        time_s: 0.0,
+        place: 0.0.into(),
+        along: "from the supply".to_owned(),
+        effects: form.chosen.label(),
+    }
 }
 
 /// Number of added parameters without a prior.

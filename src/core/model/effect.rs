@@ -111,9 +111,9 @@ pub trait Effect: Sync {
         let _ = values;
         None
     }
-    /// What a lab can do to be rid of it, in words, where it can be put right: it stands at `place_m`, or concerns a `sensor`.
-    fn remedy(&self, place_m: Option<f64>, sensor: Option<&str>) -> Option<String> {
-        let _ = (place_m, sensor);
+    /// What a lab can do to be rid of it, in words, where it can be put right: it stands at a `place`, or concerns a `sensor`.
+    fn remedy(&self, place: Option<&str>, sensor: Option<&str>) -> Option<String> {
+        let _ = (place, sensor);
         None
     }
     /// Its parameters, for a number of elements (1 if it has none).

@@ -1,5 +1,6 @@
 //! Why a model cannot be simulated, in sentences.
 
+use crate::rig::Place;
 use crate::shown::number;
 
 /// What can be wrong with a model or a simulation.
@@ -32,9 +33,10 @@ pub enum ModelError {
     TooLarge { steps: f64, nodes: usize, gib: f64, limit_gib: f64 },
     #[error(
         "the solution stopped being finite {time_s:.4} s after the start of the closure, at the node \
-         {position_m:.2} m from the supply, in a model with {effects}; check the parameter values"
+         {:.2} m {along}, in a model with {effects}; check the parameter values",
+        .place.position_m
     )]
-    NotFinite { time_s: f64, position_m: f64, effects: String },
+    NotFinite { time_s: f64, place: Place, along: String, effects: String },
     #[error(
         "there is no pipe '{name}' on which an effect could be; the network has {known} (pipes in series are one line: give the position)"
     )]

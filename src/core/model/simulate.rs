@@ -250,10 +250,10 @@ impl Model<'_> {
     /// Adds the model's effects to an error.
     fn named(&self, error: ModelError) -> ModelError {
         match error {
-            ModelError::NotFinite { time_s, position_m, .. } => {
+            ModelError::NotFinite { time_s, place, .. } => {
                 let labels: Vec<String> = self.effects.iter().map(Chosen::label).collect();
                 let effects = if labels.is_empty() { "no effects".to_owned() } else { labels.join(", ") };
-                ModelError::NotFinite { time_s, position_m, effects }
+                ModelError::NotFinite { time_s, place, along: self.rig.along_words(place.line), effects }
             }
             other => other,
         }

@@ -13,7 +13,7 @@ use crate::model::state::{Reading, State};
 use crate::model::steady::Steady;
 use crate::model::stop::Heeded;
 use crate::model::trace::{Probe, Trace};
-use crate::rig::Graph;
+use crate::rig::{Graph, Place};
 
 /// All lines with everything on them.
 pub struct Lines<'a> {
@@ -152,7 +152,8 @@ fn not_finite(grid: &Grid, state: &State, time_s: f64) -> ModelError {
     let bad = (0..state.fwd.len()).find(|&i| !(state.fwd[i].is_finite() && state.bwd[i].is_finite())).unwrap_or(0);
     let segment = grid.segments.iter().find(|s| s.nodes().contains(&bad));
     let position_m = segment.map_or(0.0, |s| s.start_m + s.reach_m * (bad - s.offset) as f64);
-    ModelError::NotFinite { time_s, position_m, effects: String::new() }
+    let place = Place { line: segment.map_or(0, |s| s.line), position_m };
+    ModelError::NotFinite { time_s, place, along: String::new(), effects: String::new() }
 }
 
 impl Stepped<'_> {

@@ -117,13 +117,18 @@ impl Rig {
         0.0
     }
 
-    /// What the position of a sensor counts along, in words: `from the supply`; in a network `along branch`.
-    pub fn along_words(&self, sensor: &str) -> String {
-        let line = self.sensors.iter().find(|s| s.name == sensor).map(|s| s.line);
-        match line.filter(|_| self.graph.lines.len() > 1) {
-            Some(line) => format!("along {}", self.pipes_of(line)[0].name),
-            None => "from the supply".to_owned(),
+    /// What positions on a line count along, in words: `from the supply`; in a network `along branch`.
+    pub fn along_words(&self, line: usize) -> String {
+        match self.graph.lines.len() {
+            1 => "from the supply".to_owned(),
+            _ => format!("along {}", self.pipes_of(line)[0].name),
         }
+    }
+
+    /// A place in words: `40.0 m`; in a network `40.0 m along branch`.
+    pub fn place_words(&self, Place { line, position_m }: Place) -> String {
+        let along = if self.graph.lines.len() > 1 { format!(" {}", self.along_words(line)) } else { String::new() };
+        format!("{position_m:.1} m{along}")
     }
 
     /// Elevation of a sensor, m: its own, or that of the pipe's axis at its place.

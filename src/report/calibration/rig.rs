@@ -58,7 +58,7 @@ pub(crate) fn section(rig: &Rig) -> String {
             .into(),
             escape(s.unit.symbol),
             fixed(s.position_m, 2)
-                + &if branches { format!(" {}", escape(&rig.along_words(&s.name))) } else { String::new() },
+                + &if branches { format!(" {}", escape(&rig.along_words(s.line))) } else { String::new() },
             s.range.map_or("–".into(), |[lo, hi]| minus(&format!("{lo} to {hi}"))),
             s.accuracy_percent_fs.map_or("–".into(), |a| significant(a, 2)),
         ]

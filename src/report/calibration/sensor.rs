@@ -22,6 +22,7 @@ pub(crate) fn section(index: usize, panel: &Panel, page: &Page) -> String {
     let stages = &page.stages;
     let fit = panel.fit;
     let name = escape(&fit.name);
+    let line = page.rig.sensors.iter().find(|s| s.name == fit.name).map_or(0, |s| s.line);
     let mut out = format!(
         r#"<section class="sensor" id="sensor-{index}"><h3>{name} <small>{} m {} · {}</small></h3>
 <p class="facts">{}</p>
@@ -33,7 +34,7 @@ pub(crate) fn section(index: usize, panel: &Panel, page: &Page) -> String {
 <div class="still">
 "#,
         significant(fit.position_m, 4),
-        escape(&page.rig.along_words(&fit.name)),
+        escape(&page.rig.along_words(line)),
         escape(panel.file),
         facts(panel, stages),
         residuals(&name, stages),

@@ -67,13 +67,13 @@ impl Change {
     }
 
     /// The instruction for the lab. `remedy` is what puts the first answer's cause right.
-    pub fn instruction(&self, first: &RunValues, length_m: f64, remedy: &str) -> String {
-        let run = self.of(first);
+    pub fn instruction(&self, first: &RunValues, rig: &Rig, remedy: &str) -> String {
+        let (run, length_m) = (self.of(first), rig.length_m());
         if self.remedied {
             return remedy.to_owned();
         }
         if let Some(share) = self.sensor {
-            return format!("add a pressure sensor at {:.1} m", share * length_m);
+            return format!("add a pressure sensor at {}", rig.place_words(rig.at_way_m(share * length_m)));
         }
         if self.length != 1.0 {
             return format!("lengthen the pipe before the valve by {:.1} m", (self.length - 1.0) * length_m);
@@ -173,11 +173,17 @@ mod tests {
 
     #[test]
     fn an_instruction_has_the_settings_in_figures() {
-        let said = |change: Change| change.instruction(&RUN, 80.0, "clamp the leak");
+        let branched = Rig::from_toml(include_str!("../../../../rigs/branched.toml"), "rig.toml").unwrap();
+        let mut rig = branched.clone();
+        (rig.graph, rig.pipes) = (crate::rig::Graph::in_series(1), vec![rig.pipes.swap_remove(0)]);
+        rig.pipes[0].length_m = 80.0;
+        let said = |change: Change| change.instruction(&RUN, &rig, "clamp the leak");
         assert_eq!(said(Change { velocity: 0.5, ..SAME }), "repeat the test at 0.200 m/s");
         assert_eq!(said(Change { closing: 4.0, ..SAME }), "close the valve more slowly, in 0.400 s");
         assert_eq!(said(Change { head_m: -10.0, ..SAME }), "lower the static head by 10 m, to 20.0 m before the valve");
         assert_eq!(said(Change { sensor: Some(0.3), ..SAME }), "add a pressure sensor at 24.0 m");
+        let sensor = Change { sensor: Some(0.9), ..SAME }.instruction(&RUN, &branched, "");
+        assert_eq!(sensor, "add a pressure sensor at 78.0 m along run");
         assert_eq!(said(REMEDY), "clamp the leak");
     }
 }

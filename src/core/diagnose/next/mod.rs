@@ -63,7 +63,7 @@ pub(crate) fn separations(
         .filter(|change| change.is_possible(first) && !change.is_made(&one.runs, &places_m, length_m));
     let open: Vec<Change> = open.collect();
     let expected = |change: &Change, draws: u32| {
-        progress(&change.instruction(first, length_m, "the cause put right").into());
+        progress(&change.instruction(first, baseline.rig, "the cause put right").into());
         separation::of(baseline, answers, [&one, &other], *change, unit, draws)
     };
     let sorted = |mut found: Vec<Separation>| {

@@ -44,7 +44,7 @@ pub(crate) fn of(baseline: &Baseline, answer: &Answer, known: &Known, j: usize, 
     let before = (known.root.transpose() * &known.root).cholesky()?.inverse()[(j, j)].sqrt();
     let stretch = problem.stretch(at, values[at]);
     Some(Precision {
-        instruction: change.instruction(&known.runs[0], baseline.rig.length_m(), ""),
+        instruction: change.instruction(&known.runs[0], baseline.rig, ""),
         change,
         run: change.of(&known.runs[0]),
         before: before * stretch * known.unit.sqrt(),

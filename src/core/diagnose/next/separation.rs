@@ -97,7 +97,7 @@ pub(crate) fn of(
     let repeats = (WANTED_ODDS.ln() / log_odds).ceil();
     let heads = curves.iter().flat_map(|c: &Curve| c.one_m.iter().chain(&c.other_m));
     Some(Separation {
-        instruction: change.instruction(&known[0].runs[0], baseline.rig.length_m(), &remedy),
+        instruction: change.instruction(&known[0].runs[0], baseline.rig, &remedy),
         change,
         run: change.of(&known[0].runs[0]),
         log_odds,
@@ -116,7 +116,9 @@ fn remedy(baseline: &Baseline, [one, other]: [&Answer; 2]) -> Option<String> {
     let model = baseline.model(&one.effects);
     let mut own = model.parameters_of(one.effects.len() - 1);
     let at = own.find(|&j| model.shared[j].name.ends_with("_position_m")).map(|j| one.values[j]);
-    blamed.effect.remedy(at, blamed.sensor.as_deref())
+    let line = blamed.line(baseline.rig);
+    let at = at.map(|position_m| baseline.rig.place_words(crate::rig::Place { line, position_m }));
+    blamed.effect.remedy(at.as_deref(), blamed.sensor.as_deref())
 }
 
 /// Values of the shared variables: the centre first, then draws from what the records leave open.

@@ -27,7 +27,7 @@ impl Effect for AirPocket {
         "a spring at the end: a rounded first rise, a slow mode, sharp peaks and wide troughs"
     }
 
-    fn remedy(&self, _place_m: Option<f64>, _sensor: Option<&str>) -> Option<String> {
+    fn remedy(&self, _place: Option<&str>, _sensor: Option<&str>) -> Option<String> {
         Some("vent the pipe at its high points and repeat the test".to_owned())
     }
     fn parameters(&self, site: &Site, _elements: usize) -> Vec<Parameter> {

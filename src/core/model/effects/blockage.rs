@@ -26,8 +26,8 @@ impl Effect for Blockage {
         "a rising step when its reflection arrives, that grows with the square of the flow; the steady head falls across it"
     }
 
-    fn remedy(&self, place_m: Option<f64>, _sensor: Option<&str>) -> Option<String> {
-        place_m.map(|at| format!("look for what narrows the pipe at {at:.1} m, take it out and repeat the test"))
+    fn remedy(&self, place: Option<&str>, _sensor: Option<&str>) -> Option<String> {
+        place.map(|at| format!("look for what narrows the pipe at {at}, take it out and repeat the test"))
     }
     fn on_pipe(&self) -> bool {
         true

@@ -31,7 +31,7 @@ impl Effect for ClockSkew {
     fn at_sensor(&self) -> bool {
         true
     }
-    fn remedy(&self, _place_m: Option<f64>, sensor: Option<&str>) -> Option<String> {
+    fn remedy(&self, _place: Option<&str>, sensor: Option<&str>) -> Option<String> {
         sensor.map(|sensor| format!("record {sensor} with the clock of the other sensors and repeat the test"))
     }
     fn parameters(&self, site: &Site, _elements: usize) -> Vec<Parameter> {

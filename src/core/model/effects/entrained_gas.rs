@@ -48,7 +48,7 @@ impl Effect for EntrainedGas {
     fn stands_for(&self, values: &[f64]) -> Option<&'static str> {
         values.first().filter(|fraction| **fraction <= CAVITIES_ONLY).map(|_| "vapour-cavity")
     }
-    fn remedy(&self, _place_m: Option<f64>, _sensor: Option<&str>) -> Option<String> {
+    fn remedy(&self, _place: Option<&str>, _sensor: Option<&str>) -> Option<String> {
         Some("flush the pipe, let the water stand until its gas has left it, and repeat the test".to_owned())
     }
     fn parameters(&self, _site: &Site, _elements: usize) -> Vec<Parameter> {

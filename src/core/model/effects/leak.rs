@@ -32,8 +32,8 @@ impl Effect for Leak {
         "a falling step when its reflection arrives, all modes damped, the mean sags"
     }
 
-    fn remedy(&self, place_m: Option<f64>, _sensor: Option<&str>) -> Option<String> {
-        place_m.map(|at| format!("look for the leak at {at:.1} m, close it and repeat the test"))
+    fn remedy(&self, place: Option<&str>, _sensor: Option<&str>) -> Option<String> {
+        place.map(|at| format!("look for the leak at {at}, close it and repeat the test"))
     }
     fn on_pipe(&self) -> bool {
         true

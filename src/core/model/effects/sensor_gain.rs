@@ -33,7 +33,7 @@ impl Effect for SensorGain {
     fn at_sensor(&self) -> bool {
         true
     }
-    fn remedy(&self, _place_m: Option<f64>, sensor: Option<&str>) -> Option<String> {
+    fn remedy(&self, _place: Option<&str>, sensor: Option<&str>) -> Option<String> {
         sensor.map(|sensor| format!("put another sensor in the place of {sensor} and repeat the test"))
     }
     fn parameters(&self, _site: &Site, _elements: usize) -> Vec<Parameter> {

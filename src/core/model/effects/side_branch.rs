@@ -31,8 +31,8 @@ impl Effect for SideBranch {
         "a falling step of a third of the wave when its reflection arrives, echoes of its dead end, a mode of its own"
     }
 
-    fn remedy(&self, place_m: Option<f64>, _sensor: Option<&str>) -> Option<String> {
-        place_m.map(|at| format!("close off the branch at {at:.1} m and repeat the test"))
+    fn remedy(&self, place: Option<&str>, _sensor: Option<&str>) -> Option<String> {
+        place.map(|at| format!("close off the branch at {at} and repeat the test"))
     }
     fn on_pipe(&self) -> bool {
         true
