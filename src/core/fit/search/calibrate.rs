@@ -196,7 +196,7 @@ pub fn refine(
     progress: &OnProgress<'_>,
 ) -> Result<Fit, FitError> {
     let ctx = Calibrator::new(rig, runs, options, progress, effects, Some(values))?;
-    finish(&ctx, &ctx.model(effects), Estimate { values: values.to_vec(), cost: f64::NAN })
+    finish(&ctx, &ctx.model(effects), Estimate::unseen(values.to_vec()))
 }
 
 /// Fits a model on from where its fit ended, to all samples on the same grid.
@@ -294,7 +294,7 @@ pub fn with_more_elements(
     progress: &OnProgress<'_>,
 ) -> Result<Option<Fit>, FitError> {
     let Some(i) = growing(asked).filter(|&i| asked[i].elements.is_none()) else { return Ok(None) };
-    let state = Estimate { values: fit.values(), cost: f64::NAN };
+    let state = Estimate::unseen(fit.values());
     let ctx = Calibrator::new(rig, runs, options, progress, &fit.effects, Some(&state.values))?;
     let start = (ctx.model(&fit.effects), state);
     let (model, state) =

@@ -21,6 +21,22 @@ pub(crate) struct Estimate {
     pub(crate) values: Vec<f64>,
     /// Half the sum of squares that they leave.
     pub(crate) cost: f64,
+    /// The residuals themselves; none where nobody has computed them.
+    pub(crate) residuals: Vec<f64>,
+}
+
+impl Estimate {
+    /// Values whose residuals nobody has computed.
+    pub(crate) fn unseen(values: Vec<f64>) -> Self {
+        Estimate { values, cost: f64::NAN, residuals: Vec::new() }
+    }
+
+    /// Whether two ends of descents are one place: their residuals differ by less than what a descent with this tolerance leaves undone. Elements may
+    /// have changed their names on the way.
+    pub(crate) fn is_where(&self, other: &Estimate, cost_tolerance: f64) -> bool {
+        let apart = self.residuals.iter().zip(&other.residuals).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
+        self.residuals.len() == other.residuals.len() && 0.5 * apart <= cost_tolerance * self.cost
+    }
 }
 
 /// The context of a fit; the stages are functions of it.
@@ -126,7 +142,7 @@ impl<'a> Calibrator<'a> {
         stage: &str,
     ) -> Result<Estimate, ModelError> {
         let solution = self.minimise(problem, values, limits, stage)?;
-        Ok(Estimate { values: problem.values(&solution.x), cost: solution.cost })
+        Ok(Estimate { values: problem.values(&solution.x), cost: solution.cost, residuals: solution.residuals })
     }
 
     /// The problem with the objective of the options.
