@@ -9,7 +9,7 @@ use crate::diagnose::candidate::Form;
 use crate::diagnose::limits::{
     FEW_PLACES, FORECAST_RANGE, REFINE, REFINED_STARTS, SCREEN, SCREENED_STARTS, STEP_PARTS, STRENGTHS, TRY,
 };
-use crate::fit::numeric::least_squares::{Problem, Solution, minimise};
+use crate::fit::numeric::least_squares::{Problem, Solution, have_met, minimise};
 use crate::fit::problem::fit_problem::FitProblem;
 use crate::model::effects::Chosen;
 use crate::model::parameter::{Parameter, Scale};
@@ -55,7 +55,8 @@ pub fn screen(baseline: &Baseline, form: &Form) -> Result<Refit, ModelError> {
     screened.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     let Some(best) = screened.first() else { return Err(failure.unwrap_or_else(|| no_start(form))) };
     let mut all = Vec::new();
-    for solution in screened.iter().take(REFINED_STARTS) {
+    let met = |s: &&Solution| have_met(&best.residuals, &s.residuals, SCREEN.cost_tolerance * best.cost);
+    for solution in std::iter::once(best).chain(screened[1..].iter().take(REFINED_STARTS - 1).filter(|s| !met(s))) {
         all.push(added.whole(&solution.x)?);
     }
     Ok(Refit {

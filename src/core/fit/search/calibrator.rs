@@ -1,6 +1,7 @@
 //! What every stage of a fit works with: the runs, the options, and a count of simulations.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use crate::fit::data::run_data::RunData;
@@ -30,13 +31,6 @@ impl Estimate {
     pub(crate) fn unseen(values: Vec<f64>) -> Self {
         Estimate { values, cost: f64::NAN, residuals: Vec::new() }
     }
-
-    /// Whether two ends of descents are one place: their residuals differ by less than what a descent with this tolerance leaves undone. Elements may
-    /// have changed their names on the way.
-    pub(crate) fn is_where(&self, other: &Estimate, cost_tolerance: f64) -> bool {
-        let apart = self.residuals.iter().zip(&other.residuals).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
-        self.residuals.len() == other.residuals.len() && 0.5 * apart <= cost_tolerance * self.cost
-    }
 }
 
 /// The context of a fit; the stages are functions of it.
@@ -52,6 +46,8 @@ pub(crate) struct Calibrator<'a> {
     pub(crate) began: Instant,
     /// Reaches that the pipes need at least.
     pub(crate) least_reaches: usize,
+    /// Coarse fits from the signals, by the effects of their models: several stages ask for the same.
+    from_signals: Mutex<Vec<(Vec<Chosen>, Estimate)>>,
 }
 
 impl<'a> Calibrator<'a> {
@@ -66,7 +62,9 @@ impl<'a> Calibrator<'a> {
     ) -> Result<Self, FitError> {
         let water = &runs.first().ok_or(FitError::NoRun)?.conditions.water;
         let (evaluations, began) = (AtomicUsize::new(0), Instant::now());
-        let mut calibrator = Calibrator { rig, water, runs, options, progress, evaluations, began, least_reaches: 0 };
+        let from_signals = Mutex::default();
+        let mut calibrator =
+            Calibrator { rig, water, runs, options, progress, evaluations, began, least_reaches: 0, from_signals };
         let model = calibrator.model(effects);
         let starts: Vec<f64> = model.shared.iter().map(|p| p.start).collect();
         calibrator.least_reaches = model.least_reaches(values.map_or(&starts[..], |v| &v[..model.shared.len()]));
@@ -79,6 +77,21 @@ impl<'a> Calibrator<'a> {
             .constrained(&self.options.constraints)
             .starting_at(&self.options.starts_at)
             .informed(&self.options.priors)
+    }
+
+    /// The coarse fit from the signals of a model with these effects: the known one, or the one that is `fitted` now.
+    pub(crate) fn known_or(
+        &self,
+        effects: &[Chosen],
+        fitted: impl FnOnce() -> Result<Estimate, FitError>,
+    ) -> Result<Estimate, FitError> {
+        let all = || self.from_signals.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, known)) = all().iter().find(|(known, _)| known == effects) {
+            return Ok(known.clone());
+        }
+        let found = fitted()?;
+        all().push((effects.to_vec(), found.clone()));
+        Ok(found)
     }
 
     /// Samples up to `horizon_s` after the closure, thinned to the number that coarse fits look at.

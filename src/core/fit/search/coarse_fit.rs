@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::fit::numeric::least_squares::{Limits, Problem};
+use crate::fit::numeric::least_squares::{Limits, Problem, have_met};
 use crate::fit::outcome::residual_summary::ResidualSummary;
 use crate::fit::problem::error::FitError;
 use crate::fit::problem::fit_problem::FitProblem;
@@ -20,7 +20,8 @@ fn distinct(mut states: Vec<Estimate>) -> Vec<Estimate> {
     states.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     let mut places: Vec<Estimate> = Vec::new();
     for state in states {
-        if !places.iter().any(|place| place.is_where(&state, LOCKING.cost_tolerance)) {
+        let here = |place: &Estimate| have_met(&place.residuals, &state.residuals, LOCKING.cost_tolerance * place.cost);
+        if !places.iter().any(here) {
             places.push(state);
         }
     }
@@ -29,6 +30,17 @@ fn distinct(mut states: Vec<Estimate>) -> Vec<Estimate> {
 
 /// Fits a model on a coarse grid: from the signals, or from a smaller model that is already fitted.
 pub(crate) fn coarse_fit(
+    ctx: &Calibrator,
+    model: &Model,
+    smaller: Option<(&Model, &Estimate)>,
+) -> Result<Estimate, FitError> {
+    match smaller {
+        Some(_) => fitted_coarsely(ctx, model, smaller),
+        None => ctx.known_or(&model.effects, || fitted_coarsely(ctx, model, None)),
+    }
+}
+
+fn fitted_coarsely(
     ctx: &Calibrator,
     model: &Model,
     smaller: Option<(&Model, &Estimate)>,
