@@ -8,6 +8,7 @@ use crate::fit::data::run_data::RunData;
 use crate::fit::numeric::least_squares::{Limits, Solution, minimise_in_view};
 use crate::fit::problem::error::FitError;
 use crate::fit::problem::fit_problem::{FitProblem, Window};
+use crate::fit::problem::objective::Objective;
 use crate::fit::progress::{OnProgress, Progress};
 use crate::fit::search::options::Options;
 use crate::fit::search::thresholds::{COARSE_SAMPLES, FINAL_REACHES, LOCKING_PER_STEP};
@@ -126,6 +127,14 @@ impl<'a> Calibrator<'a> {
     /// All samples.
     pub(crate) fn whole(&self, reaches: usize) -> Window {
         Window { stride: 1, ..self.window(reaches, f64::INFINITY) }
+    }
+
+    /// Some samples, enough to show the way; all of them where their transform is compared.
+    pub(crate) fn compared(&self, reaches: usize) -> Window {
+        match self.options.objective {
+            Objective::Time => self.window(reaches, f64::INFINITY),
+            Objective::Frequency => self.whole(reaches),
+        }
     }
 
     /// Least squares from `values`, with progress under the name of the `stage`.
