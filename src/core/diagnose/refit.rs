@@ -42,7 +42,7 @@ pub struct Refit {
 pub fn screen(baseline: &Baseline, form: &Form) -> Result<Refit, ModelError> {
     let effects: Vec<Chosen> = baseline.effects.iter().cloned().chain([form.chosen.clone()]).collect();
     let model = baseline.model(&effects);
-    let problem = baseline.problem(&model);
+    let problem = baseline.passing(&model);
     let added = Added::new(baseline, &problem, &model);
     let mut failure = None;
     let mut screened: Vec<Solution> = Vec::new();
@@ -78,6 +78,8 @@ struct Added<'g> {
     usual: Vec<f64>,
     /// Prior mean and standard deviation of the added variables.
     priors: Vec<Option<(f64, f64)>>,
+    /// The same on a coarser grid, whose differences make the Jacobian.
+    coarser: Option<Box<Added<'g>>>,
 }
 
 impl<'g> Added<'g> {
@@ -92,7 +94,8 @@ impl<'g> Added<'g> {
             .zip(&means[baseline.shared..])
             .map(|(p, &mean)| p.prior.map(|(_, sd)| (mean, sd)))
             .collect();
-        Added { baseline, problem, usual: variables(|p| p.start), priors }
+        let coarser = problem.cheaper().map(|coarser| Box::new(Added::new(baseline, coarser, model)));
+        Added { baseline, problem, usual: variables(|p| p.start), priors, coarser }
     }
 
     /// Range of the added variables among all.
@@ -134,6 +137,10 @@ impl Problem for Added<'_> {
         let known = self.priors.iter().zip(x).filter_map(|(prior, v)| prior.map(|(mean, sd)| (v - mean) / sd));
         residuals.extend(known);
         Ok(residuals)
+    }
+
+    fn cheaper(&self) -> Option<&Self> {
+        self.coarser.as_deref()
     }
 
     fn bounds(&self) -> (&[f64], &[f64]) {

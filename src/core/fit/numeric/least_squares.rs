@@ -328,7 +328,7 @@ pub fn minimise_in_view<P: Problem>(
                     break;
                 }
                 // Where even an undamped step beyond all bounds would gain nothing, no shorter one does.
-                _ if limits.thorough && most_fall() <= limits.cost_tolerance * cost => {
+                _ if most_fall() <= limits.cost_tolerance * cost => {
                     stop = Stop::CostSettled;
                     break 'outer;
                 }
