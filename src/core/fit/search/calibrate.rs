@@ -98,8 +98,7 @@ pub fn calibrate(
         if better.cost < begun.cost {
             // What the signals say of bigger models has been tried.
             let (other, there) = whole(better, &|bigger, model, state| grow(&ctx, bigger, model, state))?;
-            let left = |model, state| residual_summary(&ctx, model, state);
-            if left(&other, &there)?.evidence_over(&left(&model, &state)?) > 0.0 {
+            if there.cost < state.cost {
                 (model, state) = (other, there);
             }
         }
