@@ -46,7 +46,7 @@ pub fn screen(baseline: &Baseline, form: &Form) -> Result<Refit, ModelError> {
     let added = Added::new(baseline, &problem, &model);
     let mut failure = None;
     let mut screened: Vec<Solution> = Vec::new();
-    for start in promising(baseline, &model, &problem, &form.chosen).iter().take(SCREENED_STARTS) {
+    for start in promising(baseline, &model, &problem, &form.chosen)?.iter().take(SCREENED_STARTS) {
         match minimise(&added, &problem.variables(&baseline.values_with(start))[added.range()], SCREEN, |_, _| {}) {
             Ok(solution) => screened.push(solution),
             Err(error) => failure = Some(error),
@@ -196,13 +196,23 @@ fn free(baseline: &Baseline, model: &Model) -> usize {
 
 /// Start values of the added parameters, the most promising first: sorted by how much of the residual their signature,
 /// projected off the fitted parameters, would remove.
-fn promising(baseline: &Baseline, model: &Model, problem: &FitProblem, chosen: &Chosen) -> Vec<Vec<f64>> {
+fn promising(
+    baseline: &Baseline,
+    model: &Model,
+    problem: &FitProblem,
+    chosen: &Chosen,
+) -> Result<Vec<Vec<f64>>, ModelError> {
     let left = baseline.projected_dot(&baseline.residuals, &baseline.residuals);
+    // A coarser grid shows what an effect changes.
+    let own = baseline.model(&baseline.effects);
+    let without = baseline.passing(&own);
+    let (with, without) = problem.cheaper().zip(without.cheaper()).unwrap_or((problem, &without));
+    let base = baseline.seen(&without.residuals(&without.variables(&baseline.values))?);
     let mut scored: Vec<(f64, Vec<f64>)> = starts(&model.shared[baseline.shared..], chosen)
         .into_iter()
         .filter_map(|start| {
-            let all = problem.residuals(&problem.variables(&baseline.values_with(&start))).ok()?;
-            let change: Vec<f64> = baseline.seen(&all).iter().zip(&baseline.residuals).map(|(w, r)| w - r).collect();
+            let all = with.residuals(&with.variables(&baseline.values_with(&start))).ok()?;
+            let change: Vec<f64> = baseline.seen(&all).iter().zip(&base).map(|(w, r)| w - r).collect();
             let size = baseline.projected_dot(&change, &change);
             let along = baseline.projected_dot(&change, &baseline.residuals);
             let by = if size > 0.0 { (-along / size).clamp(FORECAST_RANGE.0, FORECAST_RANGE.1) } else { 0.0 };
@@ -211,7 +221,7 @@ fn promising(baseline: &Baseline, model: &Model, problem: &FitProblem, chosen: &
         .filter(|(cost, _)| cost.is_finite())
         .collect();
     scored.sort_by(|a, b| a.0.total_cmp(&b.0));
-    scored.into_iter().map(|(_, start)| start).collect()
+    Ok(scored.into_iter().map(|(_, start)| start).collect())
 }
 
 /// All starts of an effect: its usual one and its others, in several strengths and, where possible, of either sign.
