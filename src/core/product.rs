@@ -18,12 +18,20 @@ type Lanes = [f64; LANES];
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     let ((a_lanes, a_rest), (b_lanes, b_rest)) = (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());
     let mut sums = [0.0; LANES];
-    for (a, b) in a_lanes.iter().zip(b_lanes) {
-        for k in 0..LANES {
-            sums[k] += a[k] * b[k];
-        }
-    }
+    add_products(a_lanes, b_lanes, &mut sums);
     sums.iter().sum::<f64>() + a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum::<f64>()
+}
+
+widened! {
+    fn add_products(a: &[Lanes], b: &[Lanes], sums: &mut Lanes) {
+        let mut all = *sums;
+        for (a, b) in a.iter().zip(b) {
+            for k in 0..LANES {
+                all[k] += a[k] * b[k];
+            }
+        }
+        *sums = all;
+    }
 }
 
 /// The four products of two columns with two others: half the loads of computing them one by one.

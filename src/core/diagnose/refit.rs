@@ -9,7 +9,7 @@ use crate::diagnose::candidate::Form;
 use crate::diagnose::limits::{
     FEW_PLACES, FORECAST_RANGE, REFINE, REFINED_STARTS, SCREEN, SCREENED_STARTS, STEP_PARTS, STRENGTHS, TRY,
 };
-use crate::fit::numeric::least_squares::{Problem, Solution, minimise};
+use crate::fit::numeric::least_squares::{Problem, Solution, have_met, minimise};
 use crate::fit::problem::fit_problem::FitProblem;
 use crate::model::effects::Chosen;
 use crate::model::parameter::{Parameter, Scale};
@@ -42,11 +42,11 @@ pub struct Refit {
 pub fn screen(baseline: &Baseline, form: &Form) -> Result<Refit, ModelError> {
     let effects: Vec<Chosen> = baseline.effects.iter().cloned().chain([form.chosen.clone()]).collect();
     let model = baseline.model(&effects);
-    let problem = baseline.problem(&model);
+    let problem = baseline.passing(&model);
     let added = Added::new(baseline, &problem, &model);
     let mut failure = None;
     let mut screened: Vec<Solution> = Vec::new();
-    for start in promising(baseline, &model, &problem, &form.chosen).iter().take(SCREENED_STARTS) {
+    for start in promising(baseline, &model, &problem, &form.chosen)?.iter().take(SCREENED_STARTS) {
         match minimise(&added, &problem.variables(&baseline.values_with(start))[added.range()], SCREEN, |_, _| {}) {
             Ok(solution) => screened.push(solution),
             Err(error) => failure = Some(error),
@@ -55,7 +55,8 @@ pub fn screen(baseline: &Baseline, form: &Form) -> Result<Refit, ModelError> {
     screened.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     let Some(best) = screened.first() else { return Err(failure.unwrap_or_else(|| no_start(form))) };
     let mut all = Vec::new();
-    for solution in screened.iter().take(REFINED_STARTS) {
+    let met = |s: &&Solution| have_met(&best.residuals, &s.residuals, SCREEN.cost_tolerance * best.cost);
+    for solution in std::iter::once(best).chain(screened[1..].iter().take(REFINED_STARTS - 1).filter(|s| !met(s))) {
         all.push(added.whole(&solution.x)?);
     }
     Ok(Refit {
@@ -77,6 +78,8 @@ struct Added<'g> {
     usual: Vec<f64>,
     /// Prior mean and standard deviation of the added variables.
     priors: Vec<Option<(f64, f64)>>,
+    /// The same on a coarser grid, whose differences make the Jacobian.
+    coarser: Option<Box<Added<'g>>>,
 }
 
 impl<'g> Added<'g> {
@@ -91,7 +94,8 @@ impl<'g> Added<'g> {
             .zip(&means[baseline.shared..])
             .map(|(p, &mean)| p.prior.map(|(_, sd)| (mean, sd)))
             .collect();
-        Added { baseline, problem, usual: variables(|p| p.start), priors }
+        let coarser = problem.cheaper().map(|coarser| Box::new(Added::new(baseline, coarser, model)));
+        Added { baseline, problem, usual: variables(|p| p.start), priors, coarser }
     }
 
     /// Range of the added variables among all.
@@ -133,6 +137,10 @@ impl Problem for Added<'_> {
         let known = self.priors.iter().zip(x).filter_map(|(prior, v)| prior.map(|(mean, sd)| (v - mean) / sd));
         residuals.extend(known);
         Ok(residuals)
+    }
+
+    fn cheaper(&self) -> Option<&Self> {
+        self.coarser.as_deref()
     }
 
     fn bounds(&self) -> (&[f64], &[f64]) {
@@ -193,13 +201,23 @@ fn free(baseline: &Baseline, model: &Model) -> usize {
 
 /// Start values of the added parameters, the most promising first: sorted by how much of the residual their signature,
 /// projected off the fitted parameters, would remove.
-fn promising(baseline: &Baseline, model: &Model, problem: &FitProblem, chosen: &Chosen) -> Vec<Vec<f64>> {
+fn promising(
+    baseline: &Baseline,
+    model: &Model,
+    problem: &FitProblem,
+    chosen: &Chosen,
+) -> Result<Vec<Vec<f64>>, ModelError> {
     let left = baseline.projected_dot(&baseline.residuals, &baseline.residuals);
+    // A coarser grid shows what an effect changes.
+    let own = baseline.model(&baseline.effects);
+    let without = baseline.passing(&own);
+    let (with, without) = problem.cheaper().zip(without.cheaper()).unwrap_or((problem, &without));
+    let base = baseline.seen(&without.residuals(&without.variables(&baseline.values))?);
     let mut scored: Vec<(f64, Vec<f64>)> = starts(&model.shared[baseline.shared..], chosen)
         .into_iter()
         .filter_map(|start| {
-            let all = problem.residuals(&problem.variables(&baseline.values_with(&start))).ok()?;
-            let change: Vec<f64> = baseline.seen(&all).iter().zip(&baseline.residuals).map(|(w, r)| w - r).collect();
+            let all = with.residuals(&with.variables(&baseline.values_with(&start))).ok()?;
+            let change: Vec<f64> = baseline.seen(&all).iter().zip(&base).map(|(w, r)| w - r).collect();
             let size = baseline.projected_dot(&change, &change);
             let along = baseline.projected_dot(&change, &baseline.residuals);
             let by = if size > 0.0 { (-along / size).clamp(FORECAST_RANGE.0, FORECAST_RANGE.1) } else { 0.0 };
@@ -208,7 +226,7 @@ fn promising(baseline: &Baseline, model: &Model, problem: &FitProblem, chosen: &
         .filter(|(cost, _)| cost.is_finite())
         .collect();
     scored.sort_by(|a, b| a.0.total_cmp(&b.0));
-    scored.into_iter().map(|(_, start)| start).collect()
+    Ok(scored.into_iter().map(|(_, start)| start).collect())
 }
 
 /// All starts of an effect: its usual one and its others, in several strengths and, where possible, of either sign.

@@ -13,6 +13,7 @@ use crate::fit::outcome::unidentifiable::Unidentifiable;
 use crate::fit::problem::elements::{Element, vanished};
 use crate::fit::problem::fit_problem::FitProblem;
 use crate::model::parameter::{Parameter, Scale};
+use crate::product::dot;
 
 /// The parameters and combinations of a linearised fit that the recordings do not determine.
 pub(crate) fn unidentifiable(
@@ -31,9 +32,8 @@ pub(crate) fn unidentifiable(
     let worth = 1.0 / inflations.get(inflations.len() / 2).copied().unwrap_or(1.0);
     let priors = problem.prior_rows();
     let cell = |i: usize, j: usize| {
-        let data = |c: &[f64], d: &[f64]| c.iter().zip(d).map(|(a, b)| a * b).sum::<f64>();
         let (c, d) = (&fit.columns[i], &fit.columns[j]);
-        let seen = data(&c[..priors.start], &d[..priors.start]) + data(&c[priors.end..], &d[priors.end..]);
+        let seen = dot(&c[..priors.start], &d[..priors.start]) + dot(&c[priors.end..], &d[priors.end..]);
         worth * seen * known(&problem.parameters[i]) * known(&problem.parameters[j])
     };
     let matrix = |a: &[usize], b: &[usize]| DMatrix::from_fn(a.len(), b.len(), |i, j| cell(a[i], b[j]));

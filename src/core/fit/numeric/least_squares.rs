@@ -147,6 +147,12 @@ fn half_square(residuals: &[f64]) -> f64 {
     0.5 * dot(residuals, residuals)
 }
 
+/// Whether two descents stand in one place, whatever the names of their variables: their residuals differ by no more than `most`, half the sum of
+/// squares.
+pub fn have_met(a: &[f64], b: &[f64], most: f64) -> bool {
+    a.len() == b.len() && 0.5 * a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>() <= most
+}
+
 /// The Jacobian by forward differences, one column a variable (backward where the upper bound is near or the problem ends), of the problem or of
 /// a cheaper one that stands for it.
 ///
@@ -322,7 +328,7 @@ pub fn minimise_in_view<P: Problem>(
                     break;
                 }
                 // Where even an undamped step beyond all bounds would gain nothing, no shorter one does.
-                _ if limits.thorough && most_fall() <= limits.cost_tolerance * cost => {
+                _ if most_fall() <= limits.cost_tolerance * cost => {
                     stop = Stop::CostSettled;
                     break 'outer;
                 }

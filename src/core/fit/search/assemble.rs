@@ -164,13 +164,12 @@ fn known(
     };
     let before = problem.rows.noise_before();
     let of_before = before.as_ref().map(|noise| Errors::of(Linearised { elsewhere: Some(noise), ..linearised }));
-    let of_record = Errors::of(linearised);
-    // The band takes the noise before the closure, so that what a model fails to explain shows outside it.
-    let covariance = of_before.as_ref().unwrap_or(&of_record).by_noise.clone();
     let decayed = before.as_ref().map_or(Vec::new(), |noise| linearised.decayed(noise));
     let counts = before.filter(|_| decayed.contains(&true)).map(|noise| linearised.noise_that_counts(&noise, &decayed));
-    let of_decayed = counts.map(|noise| Errors::of(Linearised { elsewhere: Some(&noise), ..linearised }));
-    let errors = of_decayed.unwrap_or(of_record).and(&left);
+    let errors = Errors::of(Linearised { elsewhere: counts.as_deref(), ..linearised });
+    // The band takes the noise before the closure, so that what a model fails to explain shows outside it.
+    let covariance = of_before.as_ref().unwrap_or(&errors).by_noise.clone();
+    let errors = errors.and(&left);
     let curve_sd_m = match &sampled {
         None => curve_sd_m(problem, columns, &covariance),
         Some(sampled) => curve_sd_m(&sampled.problem, &sampled.columns, &covariance),

@@ -85,20 +85,20 @@ pub fn calibrate(
         let anew = search(bigger, None)?;
         Ok(if anew.cost < on.cost { anew } else { on })
     };
-    let whole = |begun: Estimate| {
+    let whole = |begun: Estimate, on: &SearchOn| {
         let first = (ctx.model(&chosen), begun);
         let Some(i) = growing else { return Ok(first) };
-        grow_while_evident(&ctx, first, i, effects[i].elements, search_on)
+        grow_while_evident(&ctx, first, i, effects[i].elements, on)
     };
     let begun = search(&first, None)?;
-    let (mut model, mut state) = whole(begun.clone())?;
+    let (mut model, mut state) = whole(begun.clone(), &search_on)?;
     // Whoever asks for a brief fit has the smaller models' fits.
     if options.method == Method::LeastSquares && !options.brief && is_poor(&ctx, &model, &state) {
         let better = or_from_smaller(&ctx, &first, begun.clone())?;
         if better.cost < begun.cost {
-            let (other, there) = whole(better)?;
-            let left = |model, state| residual_summary(&ctx, model, state);
-            if left(&other, &there)?.evidence_over(&left(&model, &state)?) > 0.0 {
+            // What the signals say of bigger models has been tried.
+            let (other, there) = whole(better, &|bigger, model, state| grow(&ctx, bigger, model, state))?;
+            if there.cost < state.cost {
                 (model, state) = (other, there);
             }
         }
@@ -196,7 +196,7 @@ pub fn refine(
     progress: &OnProgress<'_>,
 ) -> Result<Fit, FitError> {
     let ctx = Calibrator::new(rig, runs, options, progress, effects, Some(values))?;
-    finish(&ctx, &ctx.model(effects), Estimate { values: values.to_vec(), cost: f64::NAN })
+    finish(&ctx, &ctx.model(effects), Estimate::unseen(values.to_vec()))
 }
 
 /// Fits a model on from where its fit ended, to all samples on the same grid.
@@ -294,11 +294,11 @@ pub fn with_more_elements(
     progress: &OnProgress<'_>,
 ) -> Result<Option<Fit>, FitError> {
     let Some(i) = growing(asked).filter(|&i| asked[i].elements.is_none()) else { return Ok(None) };
-    let state = Estimate { values: fit.values(), cost: f64::NAN };
+    let state = Estimate::unseen(fit.values());
     let ctx = Calibrator::new(rig, runs, options, progress, &fit.effects, Some(&state.values))?;
     let start = (ctx.model(&fit.effects), state);
     let (model, state) =
-        grow_while_evident(&ctx, start, i, None, |bigger, model, state| grow(&ctx, bigger, model, state))?;
+        grow_while_evident(&ctx, start, i, None, &|bigger, model, state| grow(&ctx, bigger, model, state))?;
     if model.effects == fit.effects {
         return Ok(None);
     }
@@ -340,13 +340,16 @@ fn place_at_sensors(ctx: &Calibrator, effects: &[Chosen]) -> Result<Vec<Chosen>,
     with_sensors(ctx.rig, effects, |trial| Ok(coarse_fit(ctx, &ctx.model(trial), None)?.cost))
 }
 
+/// A bigger model, fitted on from a smaller one where that stands.
+type SearchOn<'f> = dyn Fn(&Model, &Model, &Estimate) -> Result<Estimate, FitError> + 'f;
+
 /// A fitted model with more elements of its effect `i`: as many as `asked` for, or as many as the evidence supports.
 fn grow_while_evident<'a>(
     ctx: &Calibrator<'a>,
     (mut model, mut state): (Model<'a>, Estimate),
     i: usize,
     asked: Option<usize>,
-    fitted: impl Fn(&Model, &Model, &Estimate) -> Result<Estimate, FitError>,
+    fitted: &SearchOn,
 ) -> Result<(Model<'a>, Estimate), FitError> {
     let range = model.effects[i].effect.elements();
     let most = asked.or(range.map(|r| *r.end())).unwrap_or(1);

@@ -1,12 +1,14 @@
 //! What every stage of a fit works with: the runs, the options, and a count of simulations.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use crate::fit::data::run_data::RunData;
 use crate::fit::numeric::least_squares::{Limits, Solution, minimise_in_view};
 use crate::fit::problem::error::FitError;
 use crate::fit::problem::fit_problem::{FitProblem, Window};
+use crate::fit::problem::objective::Objective;
 use crate::fit::progress::{OnProgress, Progress};
 use crate::fit::search::options::Options;
 use crate::fit::search::thresholds::{COARSE_SAMPLES, FINAL_REACHES, LOCKING_PER_STEP};
@@ -21,6 +23,15 @@ pub(crate) struct Estimate {
     pub(crate) values: Vec<f64>,
     /// Half the sum of squares that they leave.
     pub(crate) cost: f64,
+    /// The residuals themselves; none where nobody has computed them.
+    pub(crate) residuals: Vec<f64>,
+}
+
+impl Estimate {
+    /// Values whose residuals nobody has computed.
+    pub(crate) fn unseen(values: Vec<f64>) -> Self {
+        Estimate { values, cost: f64::NAN, residuals: Vec::new() }
+    }
 }
 
 /// The context of a fit; the stages are functions of it.
@@ -36,6 +47,8 @@ pub(crate) struct Calibrator<'a> {
     pub(crate) began: Instant,
     /// Reaches that the pipes need at least.
     pub(crate) least_reaches: usize,
+    /// Coarse fits from the signals, by the effects of their models: several stages ask for the same.
+    from_signals: Mutex<Vec<(Vec<Chosen>, Estimate)>>,
 }
 
 impl<'a> Calibrator<'a> {
@@ -50,7 +63,9 @@ impl<'a> Calibrator<'a> {
     ) -> Result<Self, FitError> {
         let water = &runs.first().ok_or(FitError::NoRun)?.conditions.water;
         let (evaluations, began) = (AtomicUsize::new(0), Instant::now());
-        let mut calibrator = Calibrator { rig, water, runs, options, progress, evaluations, began, least_reaches: 0 };
+        let from_signals = Mutex::default();
+        let mut calibrator =
+            Calibrator { rig, water, runs, options, progress, evaluations, began, least_reaches: 0, from_signals };
         let model = calibrator.model(effects);
         let starts: Vec<f64> = model.shared.iter().map(|p| p.start).collect();
         calibrator.least_reaches = model.least_reaches(values.map_or(&starts[..], |v| &v[..model.shared.len()]));
@@ -63,6 +78,21 @@ impl<'a> Calibrator<'a> {
             .constrained(&self.options.constraints)
             .starting_at(&self.options.starts_at)
             .informed(&self.options.priors)
+    }
+
+    /// The coarse fit from the signals of a model with these effects: the known one, or the one that is `fitted` now.
+    pub(crate) fn known_or(
+        &self,
+        effects: &[Chosen],
+        fitted: impl FnOnce() -> Result<Estimate, FitError>,
+    ) -> Result<Estimate, FitError> {
+        let all = || self.from_signals.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, known)) = all().iter().find(|(known, _)| known == effects) {
+            return Ok(known.clone());
+        }
+        let found = fitted()?;
+        all().push((effects.to_vec(), found.clone()));
+        Ok(found)
     }
 
     /// Samples up to `horizon_s` after the closure, thinned to the number that coarse fits look at.
@@ -99,6 +129,14 @@ impl<'a> Calibrator<'a> {
         Window { stride: 1, ..self.window(reaches, f64::INFINITY) }
     }
 
+    /// Some samples, enough to show the way; all of them where their transform is compared.
+    pub(crate) fn compared(&self, reaches: usize) -> Window {
+        match self.options.objective {
+            Objective::Time => self.window(reaches, f64::INFINITY),
+            Objective::Frequency => self.whole(reaches),
+        }
+    }
+
     /// Least squares from `values`, with progress under the name of the `stage`.
     pub(crate) fn minimise(
         &self,
@@ -126,7 +164,7 @@ impl<'a> Calibrator<'a> {
         stage: &str,
     ) -> Result<Estimate, ModelError> {
         let solution = self.minimise(problem, values, limits, stage)?;
-        Ok(Estimate { values: problem.values(&solution.x), cost: solution.cost })
+        Ok(Estimate { values: problem.values(&solution.x), cost: solution.cost, residuals: solution.residuals })
     }
 
     /// The problem with the objective of the options.

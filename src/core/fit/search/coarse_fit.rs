@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::fit::numeric::least_squares::{Limits, Problem};
+use crate::fit::numeric::least_squares::{Limits, Problem, have_met};
 use crate::fit::outcome::residual_summary::ResidualSummary;
 use crate::fit::problem::error::FitError;
 use crate::fit::problem::fit_problem::FitProblem;
@@ -15,13 +15,32 @@ use crate::fit::search::thresholds::{
 use crate::model::effects::Chosen;
 use crate::model::{Model, ModelError};
 
-fn sorted(mut states: Vec<Estimate>) -> Vec<Estimate> {
+/// Ends of descents, the best first, and of those that have met the best alone.
+fn distinct(mut states: Vec<Estimate>) -> Vec<Estimate> {
     states.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    states
+    let mut places: Vec<Estimate> = Vec::new();
+    for state in states {
+        let here = |place: &Estimate| have_met(&place.residuals, &state.residuals, LOCKING.cost_tolerance * place.cost);
+        if !places.iter().any(here) {
+            places.push(state);
+        }
+    }
+    places
 }
 
 /// Fits a model on a coarse grid: from the signals, or from a smaller model that is already fitted.
 pub(crate) fn coarse_fit(
+    ctx: &Calibrator,
+    model: &Model,
+    smaller: Option<(&Model, &Estimate)>,
+) -> Result<Estimate, FitError> {
+    match smaller {
+        Some(_) => fitted_coarsely(ctx, model, smaller),
+        None => ctx.known_or(&model.effects, || fitted_coarsely(ctx, model, None)),
+    }
+}
+
+fn fitted_coarsely(
     ctx: &Calibrator,
     model: &Model,
     smaller: Option<(&Model, &Estimate)>,
@@ -72,18 +91,17 @@ fn locked(
     let random = drawn(model, base, ctx.options.starts, ctx.options.seed);
     let (scanned, few): (Vec<_>, Vec<_>) = starts_of(model, base).into_iter().chain(random).partition(|s| s.of_many);
     let scanned = if smaller.is_none() { scanned } else { Vec::new() };
-    let from = few.into_par_iter().map(|mut start| {
-        // The phase locks without the effects that may be anywhere: in the wrong place they would distort everything else.
-        let held = match smaller {
-            Some((small, state)) => {
-                take_over(&mut start.values, model, small, state);
-                Vec::new()
-            }
-            None => vanish(&mut start.values, &scanned, model),
-        };
-        lock(ctx, model, &held, &start.values, period_s)
+    // The phase locks without the effects that may be anywhere: in the wrong place they would distort everything else.
+    let mut held = Vec::new();
+    let from = few.into_iter().map(|mut start| {
+        match smaller {
+            Some((small, state)) => take_over(&mut start.values, model, small, state),
+            None => held = vanish(&mut start.values, &scanned, model),
+        }
+        start.values
     });
-    let mut locked = sorted(from.collect::<Result<_, _>>()?);
+    let from = from.collect();
+    let mut locked = lock(ctx, model, &held, from, period_s)?;
     if scanned.is_empty() {
         return Ok(locked);
     }
@@ -92,7 +110,7 @@ fn locked(
     let rests: Vec<&[f64]> = locked.iter().map(|l| &l.values[..]).chain([base]).collect();
     let mut screened = in_places(ctx, model, &scanned, base, &rests, period_s)?;
     screened.append(&mut locked);
-    let mut found = released(ctx, model, &screened, period_s)?;
+    let mut found = released(ctx, model, screened, period_s)?;
     if scanned.iter().any(|start| start.effect != scanned[0].effect) {
         let best = beside_each_other(ctx, model, &scanned, base, found.remove(0), period_s);
         // The others stay: from one of them the whole record may be followed better.
@@ -113,7 +131,7 @@ fn beside_each_other(
 ) -> Estimate {
     loop {
         let again = in_places(ctx, model, scanned, base, &[&best.values], period_s);
-        let again = again.and_then(|again| released(ctx, model, &again, period_s)).unwrap_or_default();
+        let again = again.and_then(|again| released(ctx, model, again, period_s)).unwrap_or_default();
         let Some(better) = again.into_iter().next().filter(|again| again.cost < best.cost) else { return best };
         let much = better.cost < LOOKED_AGAIN * best.cost;
         best = better;
@@ -140,15 +158,9 @@ fn in_places(
         values[start.effect.clone()].copy_from_slice(&start.values[start.effect.clone()]);
         attempt(ctx, model, &places, &values, LOCKING_PERIODS[0] * period_s, SCREENING)
     });
-    let mut screened = sorted(screened.collect::<Result<_, _>>()?);
+    let mut screened = distinct(screened.collect::<Result<_, _>>()?);
     screened.truncate(MAX_RELEASED);
     Ok(screened)
-}
-
-/// Fits of the first cycles from there, with everything free, the best first.
-fn released(ctx: &Calibrator, model: &Model, from: &[Estimate], period_s: f64) -> Result<Vec<Estimate>, ModelError> {
-    let released = from.par_iter().map(|start| lock(ctx, model, &[], &start.values, period_s));
-    Ok(sorted(released.collect::<Result<_, _>>()?))
 }
 
 /// Fits a model on a coarse grid from `values` of all its variables, and from the best places along the whole pipe for its effects that may be anywhere.
@@ -158,7 +170,7 @@ pub(crate) fn relocated(ctx: &Calibrator, model: &Model, values: &[f64]) -> Resu
     let scanned: Vec<Start> = starts_of(model, &base).into_iter().filter(|s| s.of_many).collect();
     let period_s = model.period_s(&values[..model.shared.len()]);
     let screened = in_places(ctx, model, &scanned, &base, &[values], period_s)?;
-    let found = released(ctx, model, &screened, period_s)?.into_iter().take(FOLLOWED);
+    let found = released(ctx, model, screened, period_s)?.into_iter().take(FOLLOWED);
     best_of(ctx, model, &found.map(|s| s.values).chain([values.to_vec()]).collect::<Vec<_>>())
 }
 
@@ -189,17 +201,27 @@ pub(crate) fn best_of(ctx: &Calibrator, model: &Model, starts: &[Vec<f64>]) -> R
     Ok(attempt(ctx, model, &[], &best.values, f64::INFINITY, COARSE)?)
 }
 
-/// Fits the first cycles, then more of them, so that the phase locks; the variables `held` stay as they are.
+/// Fits of the first cycles from there, with everything free, the best first.
+fn released(ctx: &Calibrator, model: &Model, from: Vec<Estimate>, period_s: f64) -> Result<Vec<Estimate>, ModelError> {
+    lock(ctx, model, &[], from.into_iter().map(|start| start.values).collect(), period_s)
+}
+
+/// Fits the first cycles, then more of them, so that the phase locks, from each of the `starts`; the variables `held` stay as they are. Returns the
+/// best first.
 fn lock(
     ctx: &Calibrator,
     model: &Model,
     held: &[usize],
-    values: &[f64],
+    mut starts: Vec<Vec<f64>>,
     period_s: f64,
-) -> Result<Estimate, ModelError> {
-    let [first, more @ ..] = LOCKING_PERIODS;
-    let begun = attempt(ctx, model, held, values, first * period_s, LOCKING)?;
-    more.iter().try_fold(begun, |at, periods| attempt(ctx, model, held, &at.values, periods * period_s, LOCKING))
+) -> Result<Vec<Estimate>, ModelError> {
+    let mut locked = Vec::new();
+    for periods in LOCKING_PERIODS {
+        let on = starts.par_iter().map(|start| attempt(ctx, model, held, start, periods * period_s, LOCKING));
+        locked = distinct(on.collect::<Result<_, _>>()?);
+        starts = locked.iter().map(|state| state.values.clone()).collect();
+    }
+    Ok(locked)
 }
 
 fn attempt(

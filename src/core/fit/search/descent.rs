@@ -6,10 +6,10 @@ use nalgebra::DVector;
 
 use crate::fit::inference::optimum::predicted_reduction;
 use crate::fit::inference::thresholds::OPTIMUM_REDUCTION;
-use crate::fit::numeric::least_squares::{Problem, Solution, Stop, jacobian};
+use crate::fit::numeric::least_squares::{Limits, Problem, Solution, Stop, jacobian};
 use crate::fit::problem::fit_problem::FitProblem;
 use crate::fit::search::calibrator::Calibrator;
-use crate::fit::search::thresholds::STEP_SHARES;
+use crate::fit::search::thresholds::{POLISH_REDUCTION, STEP_SHARES};
 use crate::model::ModelError;
 
 /// The reduction that an undamped step predicts.
@@ -36,6 +36,11 @@ fn over_one_sample<'a>(
     let of_one = (2.0 * solution.cost / problem.samples().max(1) as f64).max(f64::MIN_POSITIVE);
     let reduction = predicted_reduction(&columns, &solution.residuals, &solution.x, problem.bounds()) / of_one;
     PredictedReduction { reduction, columns }
+}
+
+/// The limits of a descent that ends where the fall of the sum of squares is not worth another iteration.
+pub(crate) fn polishing(problem: &FitProblem, limits: Limits) -> Limits {
+    Limits { cost_tolerance: POLISH_REDUCTION / problem.samples().max(1) as f64, ..limits }
 }
 
 /// The columns of a Jacobian by the values instead of the variables.

@@ -5,14 +5,11 @@ use crate::fit::numeric::uncertainty::gauss_newton_step;
 use crate::fit::outcome::fit::Fit;
 use crate::fit::problem::error::FitError;
 use crate::fit::problem::fit_problem::{FitProblem, Window};
-use crate::fit::problem::objective::Objective;
 use crate::fit::search::assemble::{assemble, errors_of};
 use crate::fit::search::calibrator::{Calibrator, Estimate};
-use crate::fit::search::descent::slopes;
+use crate::fit::search::descent::{polishing, slopes};
 use crate::fit::search::polish::polish;
-use crate::fit::search::thresholds::{
-    BRIEF, FINAL, FINAL_REACHES, GRID_REFINEMENT, MAX_GRID_PULL, PATIENCE, POLISH_REDUCTION,
-};
+use crate::fit::search::thresholds::{BRIEF, FINAL, FINAL_REACHES, GRID_REFINEMENT, MAX_GRID_PULL, PATIENCE};
 use crate::model::{Model, ModelError};
 
 /// The changes that a finer grid makes.
@@ -31,14 +28,6 @@ fn patient(ctx: &Calibrator, limits: Limits) -> Limits {
     Limits { iterations: limits.iterations.min(if ctx.options.brief { BRIEF } else { PATIENCE }), ..limits }
 }
 
-/// Some samples while the grid is refined; all of them where their transform is compared.
-fn compared(ctx: &Calibrator, reaches: usize) -> Window {
-    match ctx.options.objective {
-        Objective::Time => ctx.window(reaches, f64::INFINITY),
-        Objective::Frequency => ctx.whole(reaches),
-    }
-}
-
 /// Refines the grid until its error is small against the noise and its pull on the parameters against their standard errors,
 /// then fits all samples on a grid of half that step and puts the result together.
 pub(crate) fn finish(ctx: &Calibrator, model: &Model, state: Estimate) -> Result<Fit, FitError> {
@@ -47,7 +36,7 @@ pub(crate) fn finish(ctx: &Calibrator, model: &Model, state: Estimate) -> Result
     let fine = loop {
         let fitting = |n: usize| model.fitting_reaches(&values[..model.shared.len()], n);
         let (coarse, fine) = (fitting(reaches), fitting(2 * reaches));
-        let problem = ctx.passing(model, compared(ctx, coarse));
+        let problem = ctx.passing(model, ctx.compared(coarse));
         let solution = ctx.minimise(&problem, &values, patient(ctx, GRID_REFINEMENT), &format!("{coarse} reaches"))?;
         values = problem.values(&solution.x);
         let pull = grid_pull(ctx, &problem, &solution, fine)?;
@@ -59,7 +48,7 @@ pub(crate) fn finish(ctx: &Calibrator, model: &Model, state: Estimate) -> Result
             *value = (*value + problem.stretch(j, *value) * by)
                 .clamp(problem.parameters[j].lower, problem.parameters[j].upper);
         }
-        let finer = ctx.problem(model, compared(ctx, fine));
+        let finer = ctx.problem(model, ctx.compared(fine));
         let moved = finer.residuals(&finer.variables(&further)).map(|r| 0.5 * r.iter().map(|r| r * r).sum::<f64>());
         ctx.count(1);
         if moved.is_ok_and(|cost| cost < pull.finer_cost) {
@@ -86,8 +75,7 @@ pub(crate) fn descend(ctx: &Calibrator, model: &Model, mut values: Vec<f64>, rea
     let whole = ctx.whole(reaches);
     let problem = if ctx.options.brief { ctx.passing(model, whole) } else { ctx.problem(model, whole) };
     problem.validate_constraints(&model.constraints)?;
-    let limits = Limits { cost_tolerance: POLISH_REDUCTION / problem.samples().max(1) as f64, ..patient(ctx, FINAL) };
-    let solution = polish(ctx, &problem, &values, limits)?;
+    let solution = polish(ctx, &problem, &values, polishing(&problem, patient(ctx, FINAL)))?;
     assemble(ctx, &problem, &solution)
 }
 

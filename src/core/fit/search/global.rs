@@ -151,5 +151,5 @@ pub(crate) fn global_search(ctx: &Calibrator, model: &Model) -> Result<Estimate,
     };
     let (x, cost) = cube.with_offsets(&cube.variables(&point))?;
     ctx.count(cube.evaluations.load(Ordering::Relaxed));
-    Ok(Estimate { values: problem.values(&x), cost })
+    Ok(Estimate { cost, ..Estimate::unseen(problem.values(&x)) })
 }

@@ -180,7 +180,7 @@ fn grown(
 ) -> Result<Option<Fit>, FitError> {
     let ctx = Calibrator::new(rig, runs, options, progress, bigger, None)?;
     let (model, small) = (ctx.model(bigger), ctx.model(&smaller.effects));
-    let state = Estimate { values: smaller.values(), cost: f64::NAN };
+    let state = Estimate::unseen(smaller.values());
     let base = ctx.problem(&model, ctx.whole(smaller.reaches)).start_values();
     let starts = starts_from(&model, &small, &state, &base);
     let reaches = model.fitting_reaches(&starts[0][..model.shared.len()], smaller.reaches);

@@ -33,10 +33,13 @@ pub(crate) fn polish(
         }
         let from = leap(ctx, problem, &solution, &predicted.columns)?.unwrap_or_else(|| problem.values(&solution.x));
         let again = ctx.minimise(problem, &from, limits, "all samples, restarted")?;
-        if again.cost >= solution.cost {
+        let fall = solution.cost - again.cost;
+        if fall > 0.0 {
+            solution = again;
+        }
+        if fall <= limits.cost_tolerance * solution.cost {
             break;
         }
-        solution = again;
     }
     if ctx.options.prune { prune_elements(ctx, problem, solution, limits) } else { Ok(solution) }
 }

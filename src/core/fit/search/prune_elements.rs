@@ -13,11 +13,11 @@ use rayon::prelude::*;
 
 use crate::fit::inference::optimum::{bounded_step, reduction_of};
 use crate::fit::inference::thresholds::OPTIMUM_REDUCTION;
-use crate::fit::numeric::least_squares::{Limits, Problem, Solution, jacobian};
+use crate::fit::numeric::least_squares::{Limits, Problem, Solution, have_met, jacobian};
 use crate::fit::problem::elements::{Element, elements, free_elements};
 use crate::fit::problem::fit_problem::FitProblem;
 use crate::fit::search::calibrator::Calibrator;
-use crate::fit::search::descent::{by_value, lower_along, predict_reduction, slopes};
+use crate::fit::search::descent::{by_value, lower_along, polishing, predict_reduction, slopes};
 use crate::fit::search::thresholds::{ELEMENT_NOISE_REDUCTION, MAX_PLACEMENTS, NO_COMPLIANCE, PROBED_TIMES};
 use crate::model::ModelError;
 
@@ -49,18 +49,24 @@ pub(crate) fn prune_elements(
     // Half of what one sample leaves.
     let unit = fewer.cost / problem.samples().max(1) as f64;
     let places = placements(ctx, problem, &fewer, element)?;
-    let mut best: Option<Solution> = None;
+    let (mut best, mut ends): (Option<Solution>, Vec<Solution>) = (None, Vec::new());
     for place in
         peaks(&places).into_iter().filter(|p| p.reduction > OPTIMUM_REDUCTION * 2.0 * unit).take(MAX_PLACEMENTS)
     {
         let Some(mut from) = lower_along(ctx, problem, &place.values, &place.step, fewer.cost)? else { continue };
         put_in_order(problem, &mut from);
-        // A coarser grid shows the way, the problem's own grid the place.
-        let mut near = ctx.passing(problem.model, problem.window());
+        // Some samples and a coarser grid show the way, the problem itself the place.
+        let mut near = ctx.passing(problem.model, ctx.compared(problem.window().reaches));
         near.hold(&held(problem), &from);
-        let there = ctx.minimise(&near, &from, limits, "all samples, one element placed again")?;
+        let on_the_way = polishing(&near, limits);
+        let there = ctx.minimise(&near, &from, on_the_way, "one element placed again")?;
+        let here = |end: &Solution| have_met(&end.residuals, &there.residuals, on_the_way.cost_tolerance * end.cost);
+        if ends.iter().any(here) {
+            continue;
+        }
         let again =
             ctx.minimise(problem, &problem.values(&there.x), limits, "all samples, one element placed again")?;
+        ends.push(there);
         let at_optimum = predict_reduction(ctx, problem, &again)?.at_optimum(&again);
         if at_optimum && best.as_ref().is_none_or(|b| again.cost < b.cost) {
             best = Some(again);

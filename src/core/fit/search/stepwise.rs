@@ -273,7 +273,7 @@ pub(crate) fn stepwise(ctx: &Calibrator, model: &Model) -> Result<(Estimate, Ste
     let cost = walk.cost(&coarse)?;
     let mut features_left: Vec<&str> = by_features.iter().map(|step| step.feature.name()).collect();
     features_left.retain(|name| *name != Feature::Record.name() && walk.taken.iter().all(|step| step.feature != *name));
-    Ok((Estimate { values: walk.values, cost }, StepwiseRecord { taken: walk.taken, features_left }))
+    Ok((Estimate { cost, ..Estimate::unseen(walk.values) }, StepwiseRecord { taken: walk.taken, features_left }))
 }
 
 /// The end of a stepwise calibration: the last step, where one is left, and the fit.

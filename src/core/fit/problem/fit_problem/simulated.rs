@@ -18,7 +18,11 @@ impl<'a> FitProblem<'a> {
     /// # Errors
     /// As [`Model::simulate`].
     pub fn modelled(&self, r: usize, values: &[f64], reaches: usize) -> Result<Modelled, ModelError> {
-        self.sensed(r, values, self.simulated(r, values, reaches, &self.places(r, values), Model::simulate)?)
+        let simulated = match reaches == self.window().reaches {
+            true => self.in_window(r, values, false)?,
+            false => self.simulated(r, values, reaches, &self.places(r, values), Model::simulate)?,
+        };
+        self.sensed(r, values, simulated)
     }
 
     /// What a run's gauges show of a simulation.
