@@ -38,7 +38,7 @@ impl Effect for Blockage {
             Parameter::linear(
                 "blockage_position_m",
                 "m",
-                "where the blockage is, from the supply",
+                "where the blockage is, from the supply (in a network, from where its pipe begins)",
                 0.5 * length_m,
                 0.02 * length_m,
                 0.98 * length_m,

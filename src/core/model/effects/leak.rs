@@ -45,7 +45,7 @@ impl Effect for Leak {
             Parameter::linear(
                 "leak_position_m",
                 "m",
-                "where the leak is, from the supply",
+                "where the leak is, from the supply (in a network, from where its pipe begins)",
                 0.5 * length_m,
                 0.02 * length_m,
                 0.98 * length_m,

@@ -47,7 +47,7 @@ impl Effect for SectionChange {
             Parameter::linear(
                 "section_start_m",
                 "m",
-                "where the stretch begins, from the supply",
+                "where the stretch begins, from the supply (in a network, from where its pipe begins)",
                 0.4 * length_m,
                 0.0,
                 length_m,
@@ -55,7 +55,7 @@ impl Effect for SectionChange {
             Parameter::linear(
                 "section_end_m",
                 "m",
-                "where the stretch ends, from the supply",
+                "where the stretch ends, from the supply (in a network, from where its pipe begins)",
                 0.6 * length_m,
                 0.0,
                 length_m,

@@ -43,7 +43,7 @@ impl Effect for SideBranch {
             Parameter::linear(
                 "branch_position_m",
                 "m",
-                "where the branch leaves the line, from the supply",
+                "where the branch leaves the line, from the supply (in a network, from where its pipe begins)",
                 0.5 * length_m,
                 0.02 * length_m,
                 0.98 * length_m,
