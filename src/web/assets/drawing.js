@@ -43,13 +43,15 @@ export function plan({ lines, nodes }, { from, to }) {
 
 function mark({ kind, at: [x, y], outward, name }) {
   const [cx, cy] = [x + 15 * (outward?.[0] ?? 0), y + 15 * (outward?.[1] ?? 0)];
-  const shape = {
+  const shapes = {
     pump: () => svg("circle", { cx, cy, r: 14, class: "supply" }),
     reservoir: () => svg("rect", { x: cx - 15, y: cy - 34, width: 30, height: 44, class: "supply" }),
     valve: () => svg("path", { d: `M${cx - 10} ${cy - 9} l20 18 v-18 l-20 18 z`, class: "valve" }),
     "check-valve": () => svg("path", { d: `M${x - 7} ${y - 9} v18 l14 -9 z`, class: "valve" }),
     junction: () => svg("circle", { cx: x, cy: y, r: 3, class: "valve" }),
-  }[{ tank: "reservoir", measured: "reservoir" }[kind] || kind]();
+  };
+  // what feeds a pipe is drawn as a tank while it is not known
+  const shape = (shapes[kind] || shapes.reservoir)();
   const aside = kind === "junction" ? { x: x + 8, y: y + 18 } : { x: cx, y: cy + 26, "text-anchor": "middle" };
   return svg("g", {}, shape, svg("text", { ...aside, text: name }));
 }
