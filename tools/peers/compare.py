@@ -119,14 +119,20 @@ def venv(folder: Path, packages: list[str]) -> Path:
     return python
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+def arguments(doc: str) -> argparse.Namespace:
+    """The program and the folder of the peers, from the command line."""
+    parser = argparse.ArgumentParser(description=doc.splitlines()[0])
     root = HERE.parent.parent
     parser.add_argument("--program", type=Path, default=root / "target/release/surgescope")
     parser.add_argument("--venvs", type=Path, default=root / "target/peers", help="where the peers are installed")
     args = parser.parse_args()
     if not args.program.exists():
         parser.error(f"{args.program} is not there: cargo build --release")
+    return args
+
+
+def main() -> int:
+    args = arguments(__doc__)
 
     case = the_case()
     one_thread = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MPLBACKEND": "Agg"}

@@ -10,7 +10,6 @@ the true ones in surgescope, which shows what the change costs. Friction factors
 Exits with 1 where the heads differ by more than 0.1% of their range with the same wave speeds.
 """
 
-import argparse
 import csv
 import json
 import math
@@ -19,7 +18,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from compare import PEERS, venv
+from compare import PEERS, arguments, venv
 
 HERE = Path(__file__).resolve().parent
 # name, from, to, length (m), diameter (mm), Hazen-Williams coefficient
@@ -92,13 +91,7 @@ def surgescope(program: Path, peer: dict, changed: bool) -> tuple[float, dict]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    root = HERE.parent.parent
-    parser.add_argument("--program", type=Path, default=root / "target/release/surgescope")
-    parser.add_argument("--venvs", type=Path, default=root / "target/peers", help="where TSNet is installed")
-    args = parser.parse_args()
-    if not args.program.exists():
-        parser.error(f"{args.program} is not there: cargo build --release")
+    args = arguments(__doc__)
     python = venv(args.venvs / "TSNet", PEERS["TSNet"]["packages"])
     case = {"inp": inp(), "wave_speed_m_s": WAVE_SPEED_M_S, "duration_s": DURATION_S, "dt_s": STEP_S, "nodes": NODES}
     case["closing_time_s"] = 2 * STEP_S
