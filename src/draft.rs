@@ -13,10 +13,10 @@ use crate::number::{duration, significant};
 use crate::recording::Recording;
 use crate::rig::check::ATMOSPHERE_PA;
 use crate::rig::draft::{Draft, DraftSensor, Told};
-use crate::rig::{Coupling, Rig, SensorKind, quantity_of};
+use crate::rig::{Coupling, Rig, Sensor, SensorKind, quantity_of};
 use crate::robust::median;
 use crate::signal::doubts::doubts;
-use crate::signal::faults::{Fault, SensorFault, in_words, sensor_faults};
+use crate::signal::faults::{Fault, SensorFault, examine, in_words};
 use crate::signal::levels::temperature_degc;
 use crate::signal::window::used;
 use crate::signal::{Features, SensorFeatures, inspect};
@@ -116,7 +116,7 @@ pub fn meant(track: &Track, said: &Said) -> Option<(SensorKind, Option<Told<Unit
         let measures = |kind: &SensorKind| quantity_of(*kind) == told.value.quantity;
         Some((SensorKind::ALL.into_iter().find(measures)?, Some(told)))
     });
-    // only a pressure has a place to give, and it is what a sensor is of which no more is said than its name
+    // only a pressure has a place to give; and who only names a sensor means a pressure
     let is_placed = said.places.iter().any(|(name, _)| name == called || track.is_called(name));
     let is_mapped = source.map.iter().any(|(from, _)| track.is_called(from));
     let pressure = |is: bool| is.then_some((SensorKind::Pressure, None));
@@ -285,61 +285,62 @@ fn choose_flow_unit(draft: &mut Draft, found: &Features) {
     }
 }
 
-/// Where the file contradicts the rig that was made for it, a sentence each: most likely an answer was in another unit.
-///
-/// What is converted or guessed on the way is added to `repairs`.
-///
-/// # Errors
-/// No closure can be seen in it.
-pub fn contradictions(
-    rig: &Rig,
-    file: &SourceFile,
-    source: &SourceOptions,
-    repairs: &mut Vec<Repair>,
-) -> Result<Vec<String>, String> {
-    let recording = recorded(rig, file, source, repairs)?;
-    let mut found = doubts(rig, &inspect(&recording).map_err(|e| e.to_string())?);
-    let faults = sensor_faults(&recording);
-    found.extend((!faults.is_empty()).then(|| in_words(&faults)));
-    Ok(found)
+/// What the file of a rig shows that was made for it.
+#[derive(Debug)]
+pub struct Checked {
+    /// Where it contradicts the rig, a sentence each: most likely an answer was in another unit. An error where no closure can be seen in it.
+    pub doubts: Result<Vec<String>, String>,
+    /// What to give of sensors whose readings cannot be what the file says, and of which nobody said what they stand for.
+    pub misread: Option<String>,
 }
 
-/// What to give of sensors whose readings cannot be what the file says, and of which nobody said what they stand for.
-pub fn misread(rig: &Rig, file: &SourceFile, source: &SourceOptions) -> Option<String> {
-    let recording = recorded(rig, file, source, &mut Vec::new()).ok()?;
+/// Checks a file on the rig that was made for it. What is converted or guessed on the way is added to `repairs`.
+pub fn checked(rig: &Rig, file: &SourceFile, source: &SourceOptions, repairs: &mut Vec<Repair>) -> Checked {
+    let recording = match recorded(rig, file, source, repairs) {
+        Ok(recording) => recording,
+        Err(error) => return Checked { doubts: Err(error), misread: None },
+    };
+    let (features, faults) = examine(&recording);
+    let misread = misread(&recording, &faults, file, source);
+    let doubts = features.map_err(|e| e.to_string()).map(|features| {
+        let mut found = doubts(rig, &features);
+        found.extend((!faults.is_empty()).then(|| in_words(&faults)));
+        found
+    });
+    Checked { doubts, misread }
+}
+
+fn misread(recording: &Recording, faults: &[SensorFault], file: &SourceFile, source: &SourceOptions) -> Option<String> {
+    let rig = &recording.rig;
     let is_said = |name: &str| {
         let from = source.map.iter().find(|(_, to)| to == name).map(|(from, _)| from.as_str());
         let track = file.tracks.iter().find(|track| track.is_called(from.unwrap_or(name)));
         source.scales.iter().any(|(said, _)| said == name || track.is_some_and(|track| track.is_called(said)))
     };
-    let is_strange = |fault: &SensorFault| matches!(fault.fault, Fault::Inverted | Fault::WrongUnit);
-    let faults = sensor_faults(&recording);
-    let mut strange: Vec<(&str, String)> = Vec::new();
-    for fault in faults.iter().filter(|fault| is_strange(fault)) {
-        strange.push((&fault.sensor, format!("sensor {} is {}: {}", fault.sensor, fault.fault.words(), fault.says)));
-    }
     let density = rig.fluid.properties(rig.fluid.temperature_degc).density_kg_m3;
-    for (i, sensor) in rig.pressure_sensors().filter(|(_, s)| s.coupling == Coupling::Dc) {
-        let mut values = recording.series[i].value.clone();
-        let level = if values.is_empty() { 0.0 } else { median(&mut values) };
-        if sensor.unit.to_si(level, density) > PLAUSIBLE_PA[1] && strange.iter().all(|(name, _)| *name != sensor.name) {
-            let says = "more than a laboratory pipe withstands";
-            strange.push((&sensor.name, format!("sensor {} shows {level} {}, {says}", sensor.name, sensor.unit)));
+    let strange = |(i, sensor): (usize, &Sensor)| {
+        let fault = faults.iter().find(|f| f.sensor == sensor.name);
+        if let Some(fault) = fault.filter(|f| matches!(f.fault, Fault::Inverted | Fault::WrongUnit)) {
+            return Some(format!("sensor {} is {}: {}", sensor.name, fault.fault.words(), fault.says));
         }
-        let lowest = recording.series[i].value.iter().copied().fold(f64::INFINITY, f64::min);
-        let is_none = sensor.unit.to_si(lowest, density) < -BELOW_VACUUM * ATMOSPHERE_PA;
-        if is_none && strange.iter().all(|(name, _)| *name != sensor.name) {
-            let says = "less than a vacuum; empty its cell where it stands for no value";
-            strange.push((&sensor.name, format!("sensor {} shows {lowest} {}, {says}", sensor.name, sensor.unit)));
+        let values = Some(&recording.series[i].value).filter(|v| sensor.coupling == Coupling::Dc && !v.is_empty())?;
+        let shows = |value: f64, what: &str| format!("sensor {} shows {value} {}, {what}", sensor.name, sensor.unit);
+        let level = median(&mut values.clone());
+        if sensor.unit.to_si(level, density) > PLAUSIBLE_PA[1] {
+            return Some(shows(level, "more than a laboratory pipe withstands"));
         }
-    }
-    strange.retain(|(name, _)| !is_said(name));
-    let first = strange.first()?.0;
-    let unit = rig.sensors.iter().find(|s| s.name == first)?.unit.symbol;
-    let told: Vec<&str> = strange.iter().map(|(_, says)| says.as_str()).collect();
+        let lowest = values.iter().copied().fold(f64::INFINITY, f64::min);
+        (sensor.unit.to_si(lowest, density) < -BELOW_VACUUM * ATMOSPHERE_PA)
+            .then(|| shows(lowest, "less than a vacuum; empty its cell where it stands for no value"))
+    };
+    let pressures = rig.pressure_sensors().filter(|(_, sensor)| !is_said(&sensor.name));
+    let found: Vec<(&Sensor, String)> =
+        pressures.filter_map(|(i, sensor)| Some((sensor, strange((i, sensor))?))).collect();
+    let (Sensor { name, unit, .. }, _) = found.first()?;
+    let says: Vec<&str> = found.iter().map(|(_, says)| says.as_str()).collect();
     Some(format!(
-        "{}. Say what its numbers stand for with option `scale '{first}=FACTOR*x {unit}'` and its number, keep them as they are with option `scale '{first}={unit}'`, or leave it out with option `ignore '{first}'`",
-        told.join("; ")
+        "{}. Say what its numbers stand for with option `scale '{name}=FACTOR*x {unit}'` and its number, keep them as they are with option `scale '{name}={unit}'`, or leave it out with option `ignore '{name}'`",
+        says.join("; ")
     ))
 }
 

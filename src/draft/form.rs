@@ -10,7 +10,7 @@ use crate::draft::answers::{
 };
 use crate::draft::reading::Reading;
 use crate::draft::remark::{Remark, Weight, taken};
-use crate::draft::{Said, contradictions, has_flow, meant};
+use crate::draft::{Said, checked, has_flow, meant};
 use crate::rig::check::{Level, check};
 use crate::rig::draft::{Draft, Told};
 use crate::rig::sizes::{EXAMPLES, pipe_size};
@@ -289,7 +289,7 @@ impl Form {
         let mut doubts: Vec<String> =
             findings.map(|finding| format!("{}: {}", finding.subject, finding.message)).collect();
         let mut repairs = Vec::new();
-        match contradictions(&rig, file, &source, &mut repairs) {
+        match checked(&rig, file, &source, &mut repairs).doubts {
             Ok(found) => doubts.extend(found),
             Err(error) => doubts.push(format!("no closure can be seen in the file: {error}")),
         }

@@ -18,10 +18,10 @@ use crate::recording::Recording;
 use crate::report::advice::quoted;
 use crate::rig::Rig;
 use crate::shown::Shown as _;
+use crate::signal::SignalError;
 use crate::signal::doubts::doubts;
-use crate::signal::faults::{in_words, sensor_faults};
+use crate::signal::faults::{examine, in_words};
 use crate::signal::window::{Passing, used};
-use crate::signal::{SignalError, inspect};
 use crate::storage::import::{Imported, LongImport, Pass, Repair, SourceOptions, unit_warnings};
 use crate::storage::together::{Together, recorded, together};
 use crate::storage::{ImportOptions, Summary, write};
@@ -201,13 +201,13 @@ impl Done {
         }
         joined.iter().for_each(|text| tell!("{text}"));
         // What contradicts the rig is cheapest to mend here.
-        let doubts = match inspect(&used) {
+        let (features, faults) = examine(&used);
+        let doubts = match features {
             Ok(features) => doubts(&used.rig, &features),
             // a part of a run, or the wrong one; of a few readings nobody expects a closure
             Err(error @ (SignalError::NoClosure { .. } | SignalError::TooShort { .. })) => vec![error.to_string()],
             Err(_) => Vec::new(),
         };
-        let faults = sensor_faults(&used);
         let of_clock = |clock: &Clock| {
             let file = clock.file.shown().into_owned();
             clock.warnings.iter().map(move |text| format!("{file}: {text}")).collect::<Vec<_>>()

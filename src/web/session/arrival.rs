@@ -16,8 +16,7 @@ use crate::recording::Recording;
 use crate::rig::Rig;
 use crate::shown::Shown as _;
 use crate::signal::doubts::doubts;
-use crate::signal::faults::sensor_faults;
-use crate::signal::inspect;
+use crate::signal::faults::examine;
 use crate::storage::import::{ImportOptions, Imported, Repair, SourceOptions, read_source, unit_warnings};
 use crate::storage::together::{recorded, together};
 use crate::storage::{keep, read, write};
@@ -188,11 +187,12 @@ pub fn take(dropped: &Dropped, rig: Option<&Rig>, folder: &Path) -> Result<(Valu
     };
     let Understood { recording, sensors: seen, mended, notes } = understood;
     remarks.extend(dropped.reading.asked(&mended));
-    let doubts = inspect(&recording).map_or(Vec::new(), |features| doubts(rig, &features));
+    let (features, faults) = examine(&recording);
+    let doubts = features.map_or(Vec::new(), |features| doubts(rig, &features));
     let mut about = json!({
         "rig": rig.name, "remarks": remarks, "as_it_is": own.is_some(), "doubts": doubts, "columns": columns, "sensors": sensors, "needs_rate": needs_rate,
         "understood": { "file": name_of(path), "sensors": seen }, "mended": mended, "joined": notes,
-        "warnings": unit_warnings(&recording), "sensor_faults": sensor_faults(&recording),
+        "warnings": unit_warnings(&recording), "sensor_faults": faults,
         "written": null,
     });
     let taken = path.file_stem().unwrap_or_default().to_string_lossy();

@@ -18,7 +18,7 @@ use crate::draft::answers::{
     Amiss, Answers, CLOSING_TIME, Drafted, INNER_DIAMETER, LENGTH, Measured, PLACE, RATE, SUPPLIES, TEMPERATURE, WALL,
     flow, known_materials, material, no_pressure, supply,
 };
-use crate::draft::{LIKE_THE_AIR, Said, WRITTEN, contradictions, epanet, has_flow, misread, network, without_pressure};
+use crate::draft::{LIKE_THE_AIR, Said, WRITTEN, checked, epanet, has_flow, network, without_pressure};
 use crate::report::advice::quoted;
 use crate::report::rig_drawing;
 use crate::rig::check::{Finding, Level, check as check_rig};
@@ -145,13 +145,14 @@ pub fn run(mut args: Args, json: bool) -> CommandResult {
     let source = guessing(&args.foreign);
     let text = draft.text();
     let rig = Rig::from_toml(&text, &args.output.shown())?;
-    let strange = read.as_deref().filter(|_| !asks).and_then(|read| misread(&rig, read, &source));
-    if let (Some(file), Some(text)) = (args.files.first(), strange) {
+    let checked = read.as_deref().map(|read| checked(&rig, read, &source, &mut Vec::new()));
+    let misread = checked.as_ref().and_then(|checked| checked.misread.as_ref()).filter(|_| !asks);
+    if let (Some(file), Some(text)) = (args.files.first(), misread) {
         return Err(format!("{}: {text}", file.shown()).into());
     }
     output::write(&args.output, &text)?;
     let mut findings = check_rig(&rig);
-    let doubts = read.as_deref().map_or(Ok(Vec::new()), |read| contradictions(&rig, read, &source, &mut Vec::new()));
+    let doubts = checked.map_or(Ok(Vec::new()), |checked| checked.doubts);
     let doubts = doubts.unwrap_or_else(|error| vec![format!("no closure can be seen in the file: {error}")]);
     let assumed = draft.assumed();
     for line in &assumed {
