@@ -6,7 +6,8 @@ use crate::storage::import::arrays::contents::{Array, Contents};
 use crate::storage::import::arrays::times::{
     self, Belongs, Step, is_time, label_of, parent, rises, short, step_of, time_of, unit_of,
 };
-use crate::storage::import::csv::scaled::{changes, factor_in_words, is_absolute, is_absolute_by};
+use crate::storage::import::csv::heading::key_of;
+use crate::storage::import::csv::scaled::{changes, factor_in_words, property_is_absolute};
 use crate::storage::import::source::Repair;
 use crate::storage::import::tables::Tables;
 
@@ -105,8 +106,8 @@ fn stated(arrays: &[Array], texts: &[(String, String)]) -> String {
     let numbers = arrays.iter().filter(|a| a.samples() == 1).map(|a| (&a.name, a.columns[0][0].to_string()));
     let all = numbers.chain(texts.iter().map(|(name, text)| (name, text.clone())));
     let says = |(name, text): &(&String, String)| {
-        let key: String = short(name).chars().filter(|c| c.is_alphanumeric()).collect::<String>().to_lowercase();
-        changes(&key, text) || is_absolute_by(&key, text) || is_absolute(text) || factor_in_words(text).is_some()
+        let name = short(name);
+        changes(&key_of(name), text) || property_is_absolute(name, text) || factor_in_words(text).is_some()
     };
     let line = |(name, text): (&String, String)| {
         let plain = |text: &str| text.replace(char::is_control, " ");

@@ -244,10 +244,14 @@ fn is_word_unit(name: &str, unit: &str) -> bool {
     exact || spelled || electric || (is_time_name(name) && time_unit(unit).is_some())
 }
 
+/// A name without signs, in lower case, by which keys are known.
+pub(crate) fn key_of(name: &str) -> String {
+    name.chars().filter(|c| c.is_alphanumeric()).collect::<String>().to_lowercase()
+}
+
 /// A name without its signs, in lower case, and without a number at its end: `Time_1` is `time`.
 fn bare(name: &str) -> String {
-    let plain: String = name.chars().filter(|c| c.is_alphanumeric()).collect::<String>().to_lowercase();
-    plain.trim_end_matches(|c: char| c.is_ascii_digit()).to_owned()
+    key_of(name).trim_end_matches(|c: char| c.is_ascii_digit()).to_owned()
 }
 
 /// Whether a name is that of a time: as a whole, or by its first or last word.

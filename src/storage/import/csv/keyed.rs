@@ -29,7 +29,10 @@ pub(crate) struct Keyed<'t> {
 impl<'t> Keyed<'t> {
     /// Finds the channels; none where each row holds them all.
     pub(crate) fn find(layout: &Layout<'_>, lines: &[Line<'t>]) -> Option<Keyed<'t>> {
-        let is_key = |i: &usize| is_key(layout, *i) || begins_anew(layout, lines, *i);
+        let is_key = |i: &usize| {
+            let found = Names::of(layout, *i);
+            found.is_some_and(|names| is_key(layout, *i, &names) || begins_anew(layout, lines, *i, &names))
+        };
         let keys: Vec<usize> = (0..layout.columns.len()).filter(is_key).collect();
         // a name says more than a number
         let is_worded = |i: &&usize| layout.column(**i).any(|cell| Cell::of(cell).is_word());
@@ -57,26 +60,34 @@ impl<'t> Keyed<'t> {
     }
 }
 
-/// The cells of a column of a few words or whole numbers, and how often each stands.
-fn few_names<'l>(layout: &'l Layout<'_>, column: usize) -> Option<(Vec<&'l str>, BTreeMap<&'l str, usize>)> {
-    let names: Vec<&str> = layout.column(column).collect();
-    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
-    names.iter().for_each(|name| *counts.entry(name).or_default() += 1);
-    let is_name = |name: &&str| match Cell::of(name) {
-        Cell::Word => !is_known_unit(name),
-        Cell::Number(_) => name.bytes().all(|b| b.is_ascii_digit()),
-        _ => false,
-    };
-    let few = (2..=MOST).contains(&counts.len()) && counts.values().all(|n| *n >= LEAST_ROWS);
-    (few && counts.keys().all(is_name)).then_some((names, counts))
+/// The cells of a column of a few words or whole numbers.
+struct Names<'l> {
+    cells: Vec<&'l str>,
+    /// How often each stands.
+    counts: BTreeMap<&'l str, usize>,
+}
+
+impl<'l> Names<'l> {
+    fn of(layout: &'l Layout<'_>, column: usize) -> Option<Names<'l>> {
+        let cells: Vec<&str> = layout.column(column).collect();
+        let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+        cells.iter().for_each(|name| *counts.entry(name).or_default() += 1);
+        let is_name = |name: &&str| match Cell::of(name) {
+            Cell::Word => !is_known_unit(name),
+            Cell::Number(_) => name.bytes().all(|b| b.is_ascii_digit()),
+            _ => false,
+        };
+        let few = (2..=MOST).contains(&counts.len()) && counts.values().all(|n| *n >= LEAST_ROWS);
+        (few && counts.keys().all(is_name)).then_some(Names { cells, counts })
+    }
 }
 
 /// What repeats a whole test is no channel of it.
 const RUNS: [&str; 7] = ["run", "test", "trial", "shot", "repeat", "versuch", "lauf"];
 
 /// Whether the rows of one channel stand after those of the other, and the times begin anew with each. Of several columns of values they are runs.
-fn begins_anew(layout: &Layout<'_>, lines: &[Line<'_>], column: usize) -> bool {
-    let Some((names, counts)) = few_names(layout, column) else { return false };
+fn begins_anew(layout: &Layout<'_>, lines: &[Line<'_>], column: usize, names: &Names<'_>) -> bool {
+    let Names { cells: names, counts } = names;
     let heading = layout.columns[column].name.to_lowercase();
     let is_run = heading.split(|c: char| !c.is_alphabetic()).any(|word| RUNS.contains(&word));
     let blocks = names.windows(2).filter(|w| w[0] != w[1]).count() + 1;
@@ -85,30 +96,31 @@ fn begins_anew(layout: &Layout<'_>, lines: &[Line<'_>], column: usize) -> bool {
         let changes = |(w, n): (&[&str], &[&str])| w[0] != w[1] && n[0] == n[1];
         cells.windows(2).zip(names.windows(2)).any(changes) && cells.iter().all(|c| Cell::of(c).is_number())
     };
-    let values: Vec<usize> = (0..layout.columns.len()).filter(|i| *i != column).filter(varies).collect();
     let is_worded = counts.keys().all(|name| Cell::of(name).is_word());
     if blocks != counts.len() || is_run || !is_worded {
         return false;
     }
+    let values: Vec<usize> = (0..layout.columns.len()).filter(|i| *i != column).filter(varies).collect();
     let rows = || lines[layout.first..].iter().filter(|l| is_row(l.text)).map(|l| cells(l.text, layout.separator));
     (0..layout.columns.len()).filter(|&i| i != column).any(|i| {
         let judged: Vec<&str> = layout.column(i).collect();
         let is_time = times_of(&judged).is_some_and(|times| times.windows(2).any(|w| w[1] > w[0]));
-        let mut last: Option<(String, f64)> = None;
-        let mut seen: Vec<String> = Vec::new();
         let one_value = values.iter().filter(|value| **value != i).count() == 1;
+        let mut seen: Vec<String> = Vec::new();
+        let mut before = f64::NAN;
         is_time
             && one_value
             && rows().all(|row| {
                 let (Some(name), Some(cell)) = (row.get(column), row.get(i)) else { return false };
                 let Some(time) = times_of(&[cell]).map(|times| times[0]) else { return false };
-                let (same, before) = last.as_ref().map_or((false, time), |(n, t)| (**name == **n, *t));
                 // each has its rows on end, and falls back where the next begins
-                let fits = if same { time >= before } else { !seen.contains(&name.to_string()) && time <= before };
+                let same = seen.last().is_some_and(|last| **last == **name);
+                let is_new = !seen.iter().any(|other| **other == **name) && (seen.is_empty() || time <= before);
+                let fits = if same { time >= before } else { is_new };
                 if !same {
                     seen.push(name.to_string());
                 }
-                last = Some((name.to_string(), time));
+                before = time;
                 fits
             })
     })
@@ -116,8 +128,8 @@ fn begins_anew(layout: &Layout<'_>, lines: &[Line<'_>], column: usize) -> bool {
 
 /// Whether a column names channels: a few words or whole numbers, and wherever a time repeats that of the row above, another one; or another one in
 /// most rows, each channel with times of its own.
-fn is_key(layout: &Layout<'_>, column: usize) -> bool {
-    let Some((names, counts)) = few_names(layout, column) else { return false };
+fn is_key(layout: &Layout<'_>, column: usize, names: &Names<'_>) -> bool {
+    let Names { cells: names, counts } = names;
     let is_worded = counts.keys().any(|name| Cell::of(name).is_word());
     let changes = |i: usize| names[i] != names[i - 1];
     let alternates = 2 * (1..names.len()).filter(|i| changes(*i)).count() > names.len();

@@ -1,4 +1,4 @@
-//! What the columns of a table hold in the second half of a file, which is rows: by it settings, headings and rows are told from each other.
+//! What the columns of a table hold in the second half of a file, which is rows: by it the reader tells settings, headings and rows apart.
 
 use std::borrow::Cow;
 

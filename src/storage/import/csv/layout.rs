@@ -14,7 +14,7 @@ use crate::storage::import::csv::settings::{Settings, is_key};
 use crate::storage::import::kinds::{
     is_electric, is_nameless, kind_of_name, pressure_unit, quantity_of_unit, same_unit,
 };
-use crate::storage::import::source::{NAMELESS, Repair, is_place};
+use crate::storage::import::source::{NAMELESS, Repair, SourceOptions, is_place};
 
 /// Rows at the beginning and at the end of a table by which it is judged.
 const JUDGED: usize = 1500;
@@ -70,6 +70,17 @@ impl Column {
     /// Whether a user who writes `name` means it, the column at a place from 1.
     pub(crate) fn is_called(&self, name: &str, place: usize) -> bool {
         self.heading == name || self.name == name || is_place(name, place)
+    }
+
+    /// Whether an option says that the column at a place from 1 is a value.
+    pub(crate) fn is_given(&self, place: usize, options: &SourceOptions) -> bool {
+        let mut given = options.map.iter().map(|(name, _)| name).chain(options.scales.iter().map(|(name, _)| name));
+        given.any(|name| self.is_called(name, place))
+    }
+
+    /// Whether an option leaves it out.
+    pub(crate) fn is_ignored(&self, place: usize, options: &SourceOptions) -> bool {
+        options.ignore.iter().any(|name| self.is_called(name, place))
     }
 
     fn of(heading: &str) -> Column {
@@ -270,6 +281,7 @@ impl<'t> Layout<'t> {
         let width = self.columns.len();
         let (units, names) = (self.settings.units(width, values), self.settings.names(width, values));
         let factors = self.settings.factors(width, values);
+        let is_absolute = self.settings.is_absolute();
         for &i in values {
             let column = &mut self.columns[i];
             if let Some((name, unit)) = self.settings.channel(&column.name) {
@@ -286,7 +298,7 @@ impl<'t> Layout<'t> {
             let stated: Vec<&String> =
                 units.iter().filter(|(at, unit)| *at == i && !is_other(unit)).map(|(_, unit)| unit).collect();
             stated.iter().for_each(|unit| column.state(unit, None, &mut self.contradiction));
-            if self.settings.is_absolute()
+            if is_absolute
                 && let Some(unit) =
                     column.unit.as_mut().filter(|unit| pressure_unit("", unit).is_some_and(|(_, absolute)| !absolute))
             {

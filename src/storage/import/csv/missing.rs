@@ -96,10 +96,10 @@ pub(crate) fn says_missing(cell: &str) -> bool {
 }
 
 fn is_word(cell: &str) -> bool {
-    let bare = cell.trim_start_matches(['+', '-', '#', '<', '(', '[']);
-    let bare = if bare.len() < cell.len() { bare.trim_end_matches(['>', ')', ']']) } else { bare };
-    let bare: String = bare.chars().filter(|c| *c != ' ').collect::<String>().to_lowercase();
-    bare == "∞" || WORDS.contains(&bare.as_str()) || bare == "nan(ind"
+    let bare = cell.trim_start_matches(['+', '-', '#']);
+    let inner = bare.strip_prefix(['<', '(', '[']).and_then(|rest| rest.strip_suffix(['>', ')', ']']));
+    let bare: String = inner.unwrap_or(bare).chars().filter(|c| *c != ' ').collect::<String>().to_lowercase();
+    bare == "∞" || WORDS.contains(&bare.as_str())
 }
 
 /// `#VALUE!`, `#DIV/0!`, `#NAME?`.

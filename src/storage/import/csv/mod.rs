@@ -128,15 +128,10 @@ fn table(
     {
         return Err((line.or(header_at), Box::new(CsvProblem::TwoUnits { column, first, second })));
     }
-    let is_named = |i: &usize| {
-        let column = &layout.columns[*i];
-        let mut given = options.map.iter().map(|(name, _)| name).chain(options.scales.iter().map(|(name, _)| name));
-        given.any(|name| column.is_called(name, i + 1))
-    };
     let mut extremes = extremes(&layout.columns, &values);
-    extremes.retain(|i| !is_named(i));
+    extremes.retain(|i| !layout.columns[*i].is_given(i + 1, options));
     let mut codes = States::of_opc(&layout, &values);
-    codes.retain(|i| !is_named(i));
+    codes.retain(|i| !layout.columns[*i].is_given(i + 1, options));
     let is_value = |i: &usize| !extremes.contains(i) && !codes.contains(i);
     found.clocks.iter_mut().for_each(|clock| clock.values.retain(is_value));
     let values: Vec<usize> = values.into_iter().filter(is_value).collect();
@@ -144,8 +139,7 @@ fn table(
     if !extremes.is_empty() {
         let listed: Vec<&str> = extremes.iter().map(|&i| names[i].0.as_str()).collect();
         let text = format!("left out, for the mean of the same channel stands beside: {}", listed.join(", "));
-        let is_ignored = |i: &usize| options.ignore.iter().any(|name| layout.columns[*i].is_called(name, i + 1));
-        let lost = !extremes.iter().all(is_ignored);
+        let lost = !extremes.iter().all(|i| layout.columns[*i].is_ignored(i + 1, options));
         repairs.push(Repair { lost, ..Repair::new("extremes", extremes.len(), None, text) });
     }
     let telling: Vec<usize> = found.words.iter().chain(&codes).copied().collect();

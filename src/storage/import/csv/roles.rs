@@ -92,19 +92,12 @@ impl Finder<'_, '_> {
         &self.layout.columns[i]
     }
 
-    /// Whether an option names the column.
-    fn is_named(&self, i: usize, mut names: impl Iterator<Item = String>) -> bool {
-        names.any(|name| self.column(i).is_called(&name, i + 1))
-    }
-
-    /// What the user says to be a value.
     fn is_given(&self, i: usize) -> bool {
-        self.is_named(i, self.options.map.iter().map(|(name, _)| name.clone()))
-            || self.is_named(i, self.options.scales.iter().map(|(name, _)| name.clone()))
+        self.column(i).is_given(i + 1, self.options)
     }
 
     fn is_ignored(&self, i: usize) -> bool {
-        self.is_named(i, self.options.ignore.iter().cloned())
+        self.column(i).is_ignored(i + 1, self.options)
     }
 
     /// Columns that may tell the time: not what the user says to be something else.

@@ -1,7 +1,7 @@
 //! Factors, zeros and the vacuum that stand beside a table. Nobody can tell whether the numbers below have them yet: like a factor in a heading they
 //! become part of the unit, which nobody knows then, and the user is asked what the numbers stand for.
 
-use crate::storage::import::csv::heading::factor_of;
+use crate::storage::import::csv::heading::{factor_of, key_of};
 use crate::storage::import::kinds::{is_absolute_name, is_absolute_unit, pressure_unit};
 
 /// Keys of factors, without signs and in lower case; so is every key that ends with one of the first two.
@@ -55,11 +55,10 @@ const REFERENCES: [&str; 8] =
 /// transducer.
 pub(crate) fn changes(key: &str, cell: &str) -> bool {
     let is_factor = FACTORS.contains(&key) || FACTORS[..2].iter().any(|end| key.ends_with(end));
-    let neutral = match () {
-        () if is_factor => 1.0,
-        () if ZEROS.contains(&key) => 0.0,
-        () => return false,
-    };
+    if !is_factor && !ZEROS.contains(&key) {
+        return false;
+    }
+    let neutral = if is_factor { 1.0 } else { 0.0 };
     let mut words = cell.split_whitespace();
     let number = words.next().and_then(number);
     number.is_some_and(|number| number != neutral) && !words.any(|unit| unit.contains('/'))
@@ -118,6 +117,11 @@ pub(crate) fn is_absolute(remark: &str) -> bool {
     let of_unit = words.windows(2).any(|w| is_absolute_unit(&w.join(" "))) || words.iter().any(|w| is_absolute_unit(w));
     (of_unit || is_absolute_name(&lower) && has(&READINGS))
         && !is(&["not", "no", "gauge", "relative", "relativ", "nicht", "non", "error", "max", "min"])
+}
+
+/// Whether a property and its value say so, by the name or in words.
+pub(crate) fn property_is_absolute(name: &str, value: &str) -> bool {
+    is_absolute_by(&key_of(name), value) || is_absolute(value)
 }
 
 /// Whether a key and what stands behind it say so: `Pressure type: absolute`, `Reference;absolute;absolute`, `Reference: vacuum`.

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use crate::storage::import::csv::heading::{header_unit, is_factored, is_known_unit, time_unit};
+use crate::storage::import::csv::heading::{header_unit, is_factored, is_known_unit, key_of, time_unit};
 use crate::storage::import::csv::numbers::Numbers;
 use crate::storage::import::csv::scaled::{changes, factor_in_words, is_absolute, is_absolute_by, is_of_transducer};
 use crate::storage::import::csv::stamp::Stamp;
@@ -104,7 +104,7 @@ struct Setting {
 
 /// Whether a line that begins so states units or names.
 pub(crate) fn is_key(cell: &str) -> bool {
-    let key = bare(cell.trim_end_matches([':', '=']));
+    let key = key_of(cell.trim_end_matches([':', '=']));
     UNITS.contains(&key.as_str()) || NAMES[..NAMES.len() - 2].contains(&key.as_str())
 }
 
@@ -142,17 +142,16 @@ pub(crate) struct Settings {
     remarks: Vec<String>,
 }
 
-fn bare(text: &str) -> String {
-    text.chars().filter(|c| c.is_alphanumeric()).collect::<String>().to_lowercase()
-}
-
 impl Settings {
     /// Takes the cells of a line; of one cell alone what stands on both sides of a colon or an equals sign. A word alone heads what follows.
     pub(crate) fn take(&mut self, cells: &[Cow<'_, str>]) {
         let last = cells.iter().rposition(|c| !c.is_empty()).map_or(0, |last| last + 1);
+        if let [one] = &cells[..last] {
+            self.remarks.push(one.trim().to_owned());
+        }
         let (name, cells): (&str, Vec<String>) = match &cells[..last] {
             [] => return,
-            [one] => match self.remarked(one).split_once([':', '=']).or_else(|| one.split_once('\t')) {
+            [one] => match one.split_once([':', '=']).or_else(|| one.split_once('\t')) {
                 Some((name, value)) => (name, vec![value.trim().to_owned()]),
                 None => {
                     self.head = Some(one.trim().to_owned());
@@ -162,19 +161,14 @@ impl Settings {
             [name, rest @ ..] => (name, rest.iter().map(|c| c.to_string()).collect()),
         };
         let name = name.trim().trim_end_matches([':', '=']).trim();
-        self.all.push(Setting { name: name.to_owned(), key: bare(name), cells, head: self.head.clone() });
-    }
-
-    fn remarked<'c>(&mut self, line: &'c str) -> &'c str {
-        self.remarks.push(line.trim().to_owned());
-        line
+        self.all.push(Setting { name: name.to_owned(), key: key_of(name), cells, head: self.head.clone() });
     }
 
     /// Takes a value that stands under its heading.
     pub(crate) fn take_under(&mut self, heading: &str, cell: &str) {
         self.all.push(Setting {
             name: heading.to_owned(),
-            key: bare(heading),
+            key: key_of(heading),
             cells: vec![cell.to_owned()],
             head: None,
         });
@@ -184,7 +178,7 @@ impl Settings {
     pub(crate) fn interval_s(&self) -> Option<(f64, String)> {
         self.all.iter().find_map(|setting| {
             let (name, unit) = header_unit(&setting.name).unwrap_or((setting.name.clone(), String::new()));
-            let key = bare(&name);
+            let key = key_of(&name);
             let (place, is_rate) = match INTERVALS.iter().position(|k| *k == key) {
                 Some(place) => (place, false),
                 None => (RATES.iter().position(|k| *k == key)?, true),
@@ -277,9 +271,9 @@ impl Settings {
         let head = self
             .all
             .iter()
-            .position(|s| s.cells.len() > 1 && s.cells.iter().any(|c| UNITS.contains(&bare(c).as_str())))?;
-        let place = |of: &[&str]| self.all[head].cells.iter().position(|c| of.contains(&bare(c).as_str()));
-        let row = self.all[head + 1..].iter().find(|s| s.key == bare(heading) && !s.key.is_empty())?;
+            .position(|s| s.cells.len() > 1 && s.cells.iter().any(|c| UNITS.contains(&key_of(c).as_str())))?;
+        let place = |of: &[&str]| self.all[head].cells.iter().position(|c| of.contains(&key_of(c).as_str()));
+        let row = self.all[head + 1..].iter().find(|s| s.key == key_of(heading) && !s.key.is_empty())?;
         let cell = |at: Option<usize>| at.and_then(|at| row.cells.get(at)).filter(|c| !c.is_empty()).cloned();
         let unit = cell(place(&UNITS))
             .map(|u| u.trim_matches(['[', ']', '(', ')']).to_owned())

@@ -12,7 +12,8 @@ pub(crate) mod times;
 
 use std::collections::BTreeMap;
 
-use crate::storage::import::csv::scaled::{changes, is_absolute, is_absolute_by};
+use crate::storage::import::csv::heading::key_of;
+use crate::storage::import::csv::scaled::{changes, property_is_absolute};
 use crate::storage::import::kinds::pressure_unit;
 use crate::storage::import::tdms::channel::{Channel, Values};
 use crate::storage::import::tdms::property::{Properties, Property};
@@ -161,11 +162,10 @@ fn stated(unit: Option<String>, chain: &[&Properties]) -> Option<String> {
         Property::Time(_) => String::new(),
     };
     let all = || chain.iter().flat_map(|properties| properties.iter()).filter(|(name, _)| !name.starts_with("NI_"));
-    let key = |name: &str| name.chars().filter(|c| c.is_alphanumeric()).collect::<String>().to_lowercase();
-    if let Some((name, value)) = all().find(|(name, value)| changes(&key(name), &shown(value))) {
+    if let Some((name, value)) = all().find(|(name, value)| changes(&key_of(name), &shown(value))) {
         return Some(format!("{name} {} {}", shown(value), unit.unwrap_or_default()).trim_end().to_owned());
     }
-    let is_vacuum = all().any(|(name, value)| is_absolute_by(&key(name), &shown(value)) || is_absolute(&shown(value)));
+    let is_vacuum = all().any(|(name, value)| property_is_absolute(name, &shown(value)));
     let is_gauge = |unit: &String| pressure_unit("", unit).is_some_and(|(_, absolute)| !absolute);
     unit.map(|unit| if is_vacuum && is_gauge(&unit) { format!("{unit} abs") } else { unit })
 }
