@@ -22,7 +22,7 @@ const VELOCITY_M_S: f64 = 1.0;
 /// Head at the supply where nothing gives one, m.
 const SUPPLY_HEAD_M: f64 = 30.0;
 
-/// Of more values of one name only the least and the largest are told.
+/// Of more values of one name the list shows only the least and the largest.
 const MOST_TOLD: usize = 6;
 
 /// Names less alike than this (Jaro-Winkler) are no slips of one another.

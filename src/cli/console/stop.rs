@@ -8,7 +8,7 @@ pub(crate) static STOP: AtomicBool = AtomicBool::new(false);
 /// Set by the second of them: what is at work need not be finished.
 pub(crate) static STOP_AT_ONCE: AtomicBool = AtomicBool::new(false);
 
-/// A write beyond the shell's limit of a file's size (`ulimit -f`) fails as one on a full disk does, and is told as that; the system would end the
+/// A write beyond the shell's limit of a file's size (`ulimit -f`) fails as on a full disk, with the same error; otherwise the system would end the
 /// program without a word. The handler stays for as long as the program runs, and no device's program inherits it.
 ///
 /// # Errors

@@ -222,7 +222,7 @@ impl Tables {
     }
 }
 
-/// One recording of all tables, as `import` makes it: each is told only what is said of its own columns, and a flow by hand is one reading.
+/// One recording of all tables, as `import` makes it: each table takes only the answers about its own columns, and a flow by hand is one reading.
 fn joined(paths: &[PathBuf], columns: &[Vec<String>], made: &Made) -> Result<Together, AnyError> {
     let mut parts: Vec<Part> = Vec::new();
     for (path, own) in paths.iter().zip(columns) {

@@ -8,7 +8,7 @@ fn tested(head: &str, number: impl Fn(f64) -> String) -> String {
     head.to_owned() + &rows.collect::<String>()
 }
 
-/// What a factor beside the table means for the numbers nobody can tell: it is asked for, and either answer is taken.
+/// Nobody can tell what a factor beside the table means for the numbers: the program asks, and takes either answer.
 #[test]
 fn a_factor_or_a_zero_beside_the_table_is_asked_for() {
     let tenths = |value: f64| format!("{:.3}", 10.0 * value);
@@ -49,7 +49,7 @@ fn a_factor_or_a_zero_beside_the_table_is_asked_for() {
     }
 }
 
-/// A remark that the pressures are absolute is heeded: 1.01325 bar are taken off, and that is said.
+/// The program heeds a remark that the pressures are absolute: it takes 1.01325 bar off, and says so.
 #[test]
 fn a_remark_on_the_vacuum_is_heeded() {
     let absolute = |value: f64| format!("{:.4}", value + 1.01325);
@@ -164,7 +164,7 @@ fn a_setpoint_is_left_out_and_a_wrong_sign_is_asked_about() {
     assert_eq!(run(&folder, &[&new[..], &turned].concat()).0, 0);
 }
 
-/// Who gives a column the name of a sensor means a pressure; its unit is asked for all the same.
+/// Who gives a column the name of a sensor means a pressure; the program still asks for its unit.
 #[test]
 fn a_column_with_the_name_of_a_sensor_is_one() {
     let folder = folder(&[("t.csv", &tested("time_s,CH1,CH2\n", |value| format!("{value:.4}")))]);
