@@ -2,10 +2,10 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, TryRecvError, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use pyo3::prelude::*;
 use rayon::ThreadPoolBuilder;
@@ -16,6 +16,8 @@ use crate::error::{AnyError, fault, refused, sentence};
 
 /// How often Ctrl-C and the progress are looked at: a person takes a tenth of a second for at once.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
+/// The caller stays awake for so long.
+const SHORT: Duration = Duration::from_micros(200);
 
 /// How far a computation has come, as `progress=` hears it. Its text fits one line.
 #[pyclass(frozen, module = "surgescope", get_all)]
@@ -162,6 +164,15 @@ fn started<T: Send + 'static>(
 fn next<T>(
     ended: &mut Receiver<thread::Result<Result<T, AnyError>>>,
 ) -> Option<Option<thread::Result<Result<T, AnyError>>>> {
+    // a short simulation ends before a sleeping thread would be awake again
+    let begun = Instant::now();
+    while begun.elapsed() < SHORT {
+        match ended.try_recv() {
+            Ok(result) => return Some(Some(result)),
+            Err(TryRecvError::Empty) => thread::yield_now(),
+            Err(TryRecvError::Disconnected) => return Some(None),
+        }
+    }
     match ended.recv_timeout(LOOK_EVERY) {
         Ok(result) => Some(Some(result)),
         Err(RecvTimeoutError::Timeout) => None,
