@@ -195,11 +195,6 @@ impl<'a> Baseline<'a> {
         [shared, added, own].concat()
     }
 
-    /// Those of further effects among the `values` of all variables of a model.
-    pub(crate) fn added<'v>(&self, values: &'v [f64]) -> &'v [f64] {
-        &values[self.shared..self.shared + values.len() - self.values.len()]
-    }
-
     /// `a·b` after removing from both what the fitted parameters can absorb.
     pub fn projected_dot(&self, a: &[f64], b: &[f64]) -> f64 {
         dot(a, b) - self.along(a).dot(&(&self.fitted.inverse * self.along(b)))

@@ -77,3 +77,9 @@ fn reason_against(effect: &dyn Effect, rig: &Rig, start: &[Chosen]) -> Option<St
     });
     effect.impossible(rig).map(str::to_owned).or(beside)
 }
+
+/// Whether two effects may be at work together.
+pub(crate) fn can_be_combined(a: &dyn Effect, b: &dyn Effect) -> bool {
+    let excludes = |x: &dyn Effect, name: &str| x.excludes().iter().any(|(other, _)| *other == name);
+    !excludes(a, b.name()) && !excludes(b, a.name())
+}

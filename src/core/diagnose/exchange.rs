@@ -2,10 +2,10 @@
 //!
 //! With backward elimination ([`crate::diagnose::needless`]), this makes the end of a stepwise search independent of the order in which it found the effects.
 
-use crate::diagnose::candidate_fit::{evidence_scale, square};
 use crate::diagnose::circumstances::features;
 use crate::diagnose::diagnose_fit;
 use crate::diagnose::limits::LEAST_EVIDENCE;
+use crate::diagnose::measures::{evidence_scale, square};
 use crate::diagnose::outcome::Diagnosis;
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;

@@ -83,17 +83,11 @@ pub(crate) const CONVERGE_BELOW: f64 = 1.2;
 /// Error over noise below which a model explains the records: no second effect is looked for. What oscillates before the closure does not count.
 /// Tuned: data unknown.
 pub(crate) const EXPLAINED_OVER_NOISE: f64 = 1.2;
-/// Error over noise of a candidate below which another start has too little left to gain for its cost. Cost.
-pub(crate) const DOWN_TO_THE_NOISE: f64 = 1.1;
 /// Error over noise of a model above which its parameters may be wrong. Tuned: data unknown.
 pub(crate) const START_DOUBTFUL: f64 = 3.0;
 
-/// Pairs of effects that are refitted. Cost.
-pub(crate) const REFINED_PAIRS: usize = 16;
-/// Least share of what the best single effect leaves beyond the noise, squared, that a second one must take. Chosen: what takes less soaks up errors.
-pub(crate) const LEAST_SHARE_OF_SECOND: f64 = 0.1;
-/// Strengths of an effect in a pair, in units of its strength alone. Chosen: alone, an effect also stands in for the other.
-pub(crate) const PAIR_STRENGTH: (f64, f64) = (0.1, 3.0);
+/// Most effects that one diagnosis finds missing. Cost: a further diagnosis finds more.
+pub(crate) const MOST_MISSING: usize = 2;
 
 // ---- Evidence ------------------------------------------------------------------------------------------------------
 

@@ -5,9 +5,10 @@
 
 use rayon::prelude::*;
 
-use crate::diagnose::candidate_fit::{FullFitter, evidence_scale, least_fall, over_noise, square};
 use crate::diagnose::circumstances::{circumstances, features};
+use crate::diagnose::fitter::Fitter;
 use crate::diagnose::limits::{LEAST_EVIDENCE, NO_FULL_FIT_ABOVE};
+use crate::diagnose::measures::{evidence_scale, least_fall, over_noise, square};
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
 use crate::fit::progress::{OnProgress, Progress};
@@ -26,7 +27,7 @@ pub fn without_needless(
     progress: &OnProgress<'_>,
 ) -> Option<(Fit, Chosen)> {
     let stays = |effect: &Chosen| kept.iter().any(|c| c.effect.name() == effect.effect.name());
-    let fitter = FullFitter { rig, runs, effects: &fit.effects, options, progress, least_fall: least_fall(runs, 0.0) };
+    let fitter = Fitter { rig, runs, asked: &fit.effects, options, progress };
     let model = Model::new(rig, &runs.first()?.conditions.water, &fit.effects);
     let scale = evidence_scale(fit, features(runs));
     let known = circumstances(rig, runs);
@@ -40,7 +41,7 @@ pub fn without_needless(
         }
         let evidence = scale.evidence(square(&smaller), square(fit), own.len());
         let size: Vec<f64> = fit.values()[own].to_vec();
-        let worth = over_noise(&smaller, runs).powi(2) - over_noise(fit, runs).powi(2) > fitter.least_fall;
+        let worth = over_noise(&smaller, runs).powi(2) - over_noise(fit, runs).powi(2) > least_fall(runs, 0.0);
         let needed = evidence > LEAST_EVIDENCE && worth && gone.effect.noteworthy(&size, &known);
         (!needed).then_some((evidence, smaller, gone))
     });

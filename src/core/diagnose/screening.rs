@@ -6,7 +6,6 @@ use rayon::prelude::*;
 
 use crate::diagnose::baseline::Baseline;
 use crate::diagnose::candidate::candidates;
-use crate::diagnose::candidate_fit::best_forms;
 use crate::diagnose::evidence::EvidenceScale;
 use crate::diagnose::limits::{REFINED_EFFECTS, START_NEAR_NOISE};
 use crate::diagnose::refit::{Refit, refine, screen};
@@ -47,4 +46,18 @@ pub(crate) fn refits(baseline: &Baseline, progress: &OnProgress<'_>) -> Vec<Refi
             refine(baseline, screened).ok().unwrap_or_else(|| screened.clone())
         })
         .collect()
+}
+
+/// The best form of each effect, with its evidence.
+pub(crate) fn best_forms(refits: &[Refit], evidence: impl Fn(&Refit) -> f64) -> Vec<(f64, &Refit)> {
+    let mut best: Vec<(f64, &Refit)> = Vec::new();
+    for refit in refits {
+        let own = evidence(refit);
+        match best.iter_mut().find(|(_, b)| b.form.effect == refit.form.effect) {
+            Some(known) if own > known.0 => *known = (own, refit),
+            Some(_) => {}
+            None => best.push((own, refit)),
+        }
+    }
+    best
 }

@@ -5,9 +5,9 @@
 //! is fitted again with weights that say so: the error of a sample is what the model leaves, and samples whose errors are alike count once. The search
 //! for what is missing begins at this second fit. What an effect explains is counted from the first, the best that the model does without it.
 
-use crate::diagnose::candidate_fit::{evidence_scale, over_noise};
 use crate::diagnose::circumstances::features;
 use crate::diagnose::limits::START_DOUBTFUL;
+use crate::diagnose::measures::{evidence_scale, over_noise};
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
 use crate::fit::problem::error::FitError;

@@ -143,8 +143,8 @@ fn creep_test(one: f64, other: f64) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnose::candidate_fit::square;
     use crate::diagnose::evidence::tempered;
+    use crate::diagnose::measures::square;
     use crate::fit::outcome::fit::Fit;
     use crate::fit::problem::test_record::{HDPE, record};
     use crate::fit::search::calibrate::calibrate;

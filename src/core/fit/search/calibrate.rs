@@ -16,7 +16,7 @@ use crate::fit::problem::objective::Objective;
 use crate::fit::progress::OnProgress;
 use crate::fit::search::calibrator::{Calibrator, Estimate};
 use crate::fit::search::coarse_fit::{
-    best_of, coarse_fit, grow, is_poor, mean_square, or_from_smaller, relocated, residual_summary,
+    coarse_fit, grow, is_poor, mean_square, or_from_smaller, relocated, residual_summary,
 };
 use crate::fit::search::finish::{descend, finish, without_descent};
 use crate::fit::search::global::global_search;
@@ -147,40 +147,6 @@ pub fn fit_coarsely(rig: &Rig, runs: &[RunData], effects: &[Chosen], options: &O
     let effects = place_at_sensors(&ctx, effects)?;
     let model = ctx.model(&effects);
     Ok(CoarseFit::of(&ctx, &model, coarse_fit(&ctx, &model, None)?))
-}
-
-/// Fits a model coarsely from `values` of all its variables (shared ones, then each run's), after looking along the whole pipe for its effects that may
-/// be anywhere. [`refine`] goes on from there.
-///
-/// # Errors
-/// As [`calibrate`].
-pub(crate) fn relocate(
-    rig: &Rig,
-    runs: &[RunData],
-    effects: &[Chosen],
-    values: &[f64],
-    options: &Options,
-    progress: &OnProgress<'_>,
-) -> Result<CoarseFit, FitError> {
-    let ctx = Calibrator::new(rig, runs, options, progress, effects, Some(values))?;
-    let model = ctx.model(effects);
-    Ok(CoarseFit::of(&ctx, &model, relocated(&ctx, &model, values)?))
-}
-
-/// Fits a model coarsely on from `values` of all its variables (shared ones, then each run's).
-///
-/// # Errors
-/// As [`calibrate`].
-pub(crate) fn coarse_on(
-    rig: &Rig,
-    runs: &[RunData],
-    effects: &[Chosen],
-    values: &[f64],
-    options: &Options,
-) -> Result<CoarseFit, FitError> {
-    let ctx = Calibrator::new(rig, runs, options, &|_| {}, effects, Some(values))?;
-    let model = ctx.model(effects);
-    Ok(CoarseFit::of(&ctx, &model, best_of(&ctx, &model, &[values.to_vec()])?))
 }
 
 /// Fits a model on from `values` of all its variables (shared ones, then each run's): to all samples, on as fine a grid as it takes.

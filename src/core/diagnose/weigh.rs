@@ -1,0 +1,170 @@
+//! What the records say of every model that the search has met: its evidence over the start model, and its share of the probability.
+
+use crate::diagnose::baseline::Baseline;
+use crate::diagnose::evidence::{EvidenceScale, probabilities, tempered};
+use crate::diagnose::limits::{LEAST_EVIDENCE, NEGLIGIBLE_EVIDENCE, ODDS_AT_BOUND, PRIOR_ODDS_OF_PAIR};
+use crate::diagnose::measures::{evidence_scale, fall, over_noise, square};
+use crate::diagnose::met::Met;
+use crate::diagnose::search::Search;
+use crate::fit::outcome::fit::{Fit, FittedParameter};
+use crate::fit::outcome::uncertainty::Uncertainty;
+use crate::model::effects::{Chosen, SHOWN};
+
+/// The models, weighed.
+pub(crate) struct Weighed<'s> {
+    pub(crate) scale: EvidenceScale,
+    /// Each model, the most probable first.
+    pub(crate) models: Vec<WeighedModel<'s>>,
+}
+
+/// One of them.
+pub(crate) struct WeighedModel<'s> {
+    pub(crate) met: &'s Met,
+    /// What it adds to the start model.
+    pub(crate) added: Vec<Chosen>,
+    /// The parameters of that.
+    pub(crate) parameters: Vec<FittedParameter>,
+    /// It is stronger than what every rig has of it.
+    pub(crate) is_noteworthy: bool,
+    /// Evidence over the start model, natural logarithm of odds before tempering.
+    pub(crate) evidence: f64,
+    /// Odds before any fit.
+    pub(crate) odds: f64,
+    /// Its share of the probability.
+    pub(crate) share: f64,
+    /// It is the only reason why a record looks as it does, whatever is left of it.
+    pub(crate) is_shown: bool,
+    stands_for: Option<&'static str>,
+}
+
+impl WeighedModel<'_> {
+    pub(crate) fn log_odds(&self) -> f64 {
+        tempered(self.evidence) + self.odds.ln()
+    }
+
+    /// As on the command line.
+    pub(crate) fn label(&self) -> String {
+        self.added.iter().map(Chosen::label).collect::<Vec<_>>().join(" and ")
+    }
+}
+
+/// Weighs all models that a search has met.
+pub(crate) fn weigh<'s>(search: &'s Search) -> Weighed<'s> {
+    let (baseline, start, runs) = (search.baseline, search.start, search.fitter.runs);
+    let fits = search.met.iter().filter_map(|m| m.fit.as_ref()).chain([start]);
+    let closest = fits.min_by(|a, b| square(a).total_cmp(&square(b))).unwrap_or(start);
+    let scale = evidence_scale(closest, baseline.features());
+    let mut models: Vec<WeighedModel> = search.met.iter().filter_map(|met| described(search, met)).collect();
+    // Instruments within their class are at work on every rig: an effect is claimed only over the best model that they allow.
+    let within_class = models.iter().filter(|m| m.added.len() == 1 && !m.is_noteworthy).map(|m| m.met.square());
+    let allowed = within_class.fold(square(start), f64::min);
+    let own_free = free(baseline, &start.effects);
+    for model in &mut models {
+        let effects = model.met.model().map_or(Vec::new(), |(effects, _)| effects.to_vec());
+        let more = free(baseline, &effects).saturating_sub(own_free);
+        model.evidence = scale.evidence(allowed, model.met.square(), more);
+    }
+    // A model has to be worth more than each smaller one.
+    let mut smaller = (allowed, 0.0);
+    for size in 1.. {
+        let of_size = || models.iter().filter(|m| m.added.len() == size);
+        let Some(best) = of_size().map(|m| (m.met.square(), m.evidence)).min_by(|a, b| a.0.total_cmp(&b.0)) else {
+            break;
+        };
+        let taken = fall(start, runs, square(start), smaller.0);
+        let least = search.least_fall_after(if size == 1 { 0.0 } else { taken });
+        for model in models.iter_mut().filter(|m| m.added.len() == size) {
+            let falls = fall(start, runs, smaller.0, model.met.square()) >= least;
+            let evident = size == 1 || model.evidence > smaller.1 + LEAST_EVIDENCE;
+            if !falls || !evident || !model.is_noteworthy {
+                model.evidence = model.evidence.min(NEGLIGIBLE_EVIDENCE);
+            }
+        }
+        smaller = (smaller.0.min(best.0), f64::max(smaller.1, best.1));
+    }
+    hand_over(&mut models);
+    for model in &mut models {
+        let prior: f64 = model.added.iter().map(|c| c.effect.odds(&baseline.known)).product();
+        model.is_shown = model.added.iter().any(|c| c.effect.odds(&baseline.known) >= SHOWN);
+        // Prior odds in favour of an effect do not make up for a fit without evidence. If a record shows the effect by itself, any improvement will do.
+        let least = if model.is_shown { 0.0 } else { LEAST_EVIDENCE };
+        let prior = if model.evidence < least { prior.min(1.0) } else { prior };
+        let at_bound = !model.is_shown && model.parameters.iter().any(|p| p.at_bound);
+        let size = model.added.len().saturating_sub(1) as i32;
+        model.odds = prior * PRIOR_ODDS_OF_PAIR.powi(size) * if at_bound { ODDS_AT_BOUND } else { 1.0 };
+    }
+    let shares = probabilities(&models.iter().map(|m| (m.evidence, m.odds)).collect::<Vec<_>>());
+    models.iter_mut().zip(shares).for_each(|(model, share)| model.share = share);
+    models.sort_by(|a, b| b.log_odds().total_cmp(&a.log_odds()));
+    Weighed { scale, models }
+}
+
+/// The evidence for an effect that stands in for another one is evidence for that one.
+fn hand_over(models: &mut [WeighedModel]) {
+    for i in 0..models.len() {
+        let Some(name) = models[i].stands_for else { continue };
+        let evidence = models[i].evidence;
+        if let Some(other) = models.iter_mut().find(|m| m.met.key == [name]) {
+            other.evidence = other.evidence.max(evidence);
+            models[i].evidence = evidence.min(NEGLIGIBLE_EVIDENCE);
+        }
+    }
+}
+
+fn described<'s>(search: &Search, met: &'s Met) -> Option<WeighedModel<'s>> {
+    let (effects, values) = met.model()?;
+    let which = search.added(effects);
+    let model = search.baseline.model(effects);
+    let ranges = which.iter().map(|&i| model.parameters_of(i));
+    let values_of = |i: usize| &values[model.parameters_of(i)];
+    let parameters = match &met.fit {
+        Some(fit) => ranges.flat_map(|r| fit.parameters[r].to_vec()).collect(),
+        None => ranges.flatten().map(|j| unfitted(&model.shared[j], values[j])).collect(),
+    };
+    let single = (which.len() == 1).then(|| which[0]);
+    Some(WeighedModel {
+        met,
+        is_noteworthy: which.iter().all(|&i| effects[i].effect.noteworthy(values_of(i), &search.baseline.known)),
+        stands_for: single.and_then(|i| effects[i].effect.stands_for(values_of(i))),
+        added: which.into_iter().map(|i| effects[i].clone()).collect(),
+        parameters,
+        evidence: 0.0,
+        odds: 1.0,
+        share: 0.0,
+        is_shown: false,
+    })
+}
+
+/// Free parameters that the rig does not know beforehand.
+fn free(baseline: &Baseline, effects: &[Chosen]) -> usize {
+    baseline.model(effects).shared.iter().filter(|p| p.prior.is_none()).count()
+}
+
+/// A parameter as a forecast has it.
+fn unfitted(p: &crate::model::parameter::Parameter, value: f64) -> FittedParameter {
+    FittedParameter {
+        name: p.name.clone(),
+        about: p.about,
+        value,
+        uncertainty: Uncertainty::NotAtOptimum,
+        interval_95: (f64::NEG_INFINITY, f64::INFINITY),
+        unit: p.unit,
+        at_bound: value <= p.lower || value >= p.upper,
+        lower: p.lower,
+        upper: p.upper,
+        scale: p.scale,
+        belief: p.prior,
+        ..FittedParameter::default()
+    }
+}
+
+/// Error over noise of a model: of its fit, or as forecast.
+pub(crate) fn over_noise_of(met: &Met, search: &Search) -> f64 {
+    let forecast = || over_noise(search.start, search.fitter.runs) * left_of(met, search.start);
+    met.fit.as_ref().map_or_else(forecast, |fit| over_noise(fit, search.fitter.runs))
+}
+
+/// Its error as a share of the start model's.
+pub(crate) fn left_of(met: &Met, start: &Fit) -> f64 {
+    (met.square() / square(start)).sqrt()
+}
