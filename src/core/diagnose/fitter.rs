@@ -23,12 +23,12 @@ pub(crate) struct Fitter<'a> {
 
 impl Fitter<'_> {
     /// A brief fit from `values`.
-    pub(crate) fn from(&self, effects: &[Chosen], values: &[f64]) -> Result<Fit, FitError> {
+    pub(crate) fn on_from(&self, effects: &[Chosen], values: &[f64]) -> Result<Fit, FitError> {
         refine(self.rig, self.runs, effects, values, &self.brief(effects), &self.shown(effects))
     }
 
     /// A brief fit from the signals; the fit chooses the elements of the effects that are `added`.
-    pub(crate) fn from_signals(&self, added: &[Chosen]) -> Result<Fit, FitError> {
+    pub(crate) fn anew(&self, added: &[Chosen]) -> Result<Fit, FitError> {
         let open = added.iter().map(|c| Chosen { elements: None, ..c.clone() });
         let asked = self.asked.iter().filter(|c| added.iter().all(|a| a.effect.name() != c.effect.name()));
         let effects: Vec<Chosen> = asked.cloned().chain(open).collect();

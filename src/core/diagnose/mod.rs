@@ -17,10 +17,12 @@ pub mod limits;
 pub(crate) mod measures;
 pub(crate) mod met;
 pub mod needless;
+pub(crate) mod neighbours;
 pub mod next;
 pub(crate) mod outcome;
 pub mod refit;
 pub mod residual_patterns;
+pub(crate) mod rivals;
 pub(crate) mod screening;
 pub(crate) mod search;
 pub(crate) mod start;
@@ -307,7 +309,7 @@ pub fn grow(
         let fitter = Fitter { rig, runs, asked: &baseline.effects, options, progress };
         for form in forms_of(rig, added) {
             let refit = screen(&baseline, &form).and_then(|screened| refine(&baseline, &screened));
-            fits.push(refit.map_err(FitError::from).and_then(|refit| fitter.from(&refit.effects, &refit.values)));
+            fits.push(refit.map_err(FitError::from).and_then(|refit| fitter.on_from(&refit.effects, &refit.values)));
         }
     }
     let (fits, failures): (Vec<_>, Vec<_>) = fits.into_iter().partition(Result::is_ok);

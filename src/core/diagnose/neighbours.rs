@@ -1,0 +1,210 @@
+//! The neighbours of a state of the search: forecast on the coarse grid, or looked for from the signals, and fitted to all samples.
+
+use rayon::prelude::*;
+
+use crate::diagnose::baseline::Baseline;
+use crate::diagnose::candidate::{Form, base_name, can_be_combined};
+use crate::diagnose::evidence::EvidenceScale;
+use crate::diagnose::limits::{FULL_FITS, LEAST_EVIDENCE, LEAST_FORECAST, NEGLIGIBLE_EVIDENCE, NO_FULL_FIT_ABOVE};
+use crate::diagnose::measures::{beyond, fall, square};
+use crate::diagnose::met::{Forecast, Key, Met};
+use crate::diagnose::screening::{best_forms, refits, screened};
+use crate::diagnose::search::Search;
+use crate::fit::outcome::fit::Fit;
+use crate::fit::search::calibrate::with_more_elements;
+use crate::model::effects::{Chosen, SHOWN};
+
+impl Search<'_> {
+    /// Forecasts what each effect would leave beside a fitted model, or in the place of its effect `gone`.
+    pub(crate) fn expand(&mut self, fit: &Fit, gone: Option<usize>) {
+        let fitter = &self.fitter;
+        let baseline = match gone {
+            None => Baseline::new(fitter.rig, fitter.runs, fit, fitter.options),
+            Some(i) => Baseline::without(fitter.rig, fitter.runs, fit, i, fitter.options),
+        };
+        let Ok(baseline) = baseline else { return };
+        let found =
+            if gone.is_none() { refits(&baseline, fitter.progress) } else { screened(&baseline, fitter.progress) };
+        let Some(closest) = found.iter().min_by(|a, b| a.square.total_cmp(&b.square)) else { return };
+        let scale = EvidenceScale::of(&closest.residuals[..baseline.samples], baseline.features());
+        let best = best_forms(&found, |r| scale.evidence(baseline.square, r.square, r.added));
+        // what the fit leaves is known of the fit itself: of the model as it is, or with the effect that is gone put back
+        let own = gone.map(|i| base_name(fit.effects[i].effect.name()));
+        let reference = match own {
+            None => Some(baseline.mean_square(&baseline.residuals)),
+            Some(own) => {
+                best.iter().find(|(_, r)| r.form.effect == own).map(|(_, r)| baseline.mean_square(&r.residuals))
+            }
+        };
+        let Some(reference) = reference else { return };
+        let of_fit = square(fit) / reference;
+        let forecasts: Vec<Forecast> = best
+            .into_iter()
+            .filter(|(_, r)| own != Some(r.form.effect))
+            .map(|(evidence, r)| Forecast {
+                effects: r.effects.clone(),
+                values: r.values.clone(),
+                square: of_fit * baseline.mean_square(&r.residuals),
+                evidence,
+                is_tried: false,
+            })
+            .collect();
+        forecasts.into_iter().for_each(|f| self.meet(f));
+    }
+
+    /// Keeps a forecast that promises more than what is known.
+    fn meet(&mut self, forecast: Forecast) {
+        let key = self.key(&forecast.effects);
+        let met = self.get_mut(&key);
+        let known = met.forecast.as_ref().is_some_and(|f| !f.is_tried && f.square <= forecast.square);
+        let fitted = met.fit.as_ref().is_some_and(|fit| square(fit) <= forecast.square);
+        if !known && !fitted {
+            met.forecast = Some(forecast);
+        }
+    }
+
+    /// Fits the models of a size whose forecasts promise most.
+    pub(crate) fn fit_leading(&mut self, size: usize) {
+        let untried = self.met.iter().enumerate().filter(|(_, m)| m.key.len() == size);
+        let mut order: Vec<(usize, &Forecast)> =
+            untried.filter_map(|(i, m)| Some((i, m.forecast.as_ref().filter(|f| !f.is_tried)?))).collect();
+        order.sort_by(|a, b| a.1.square.total_cmp(&b.1.square));
+        let most = NO_FULL_FIT_ABOVE * self.met.iter().map(Met::square).fold(f64::INFINITY, f64::min);
+        let least = LEAST_FORECAST * self.least_fall;
+        let start = square(self.start);
+        let may_win = |(rank, (_, f)): &(usize, (usize, &Forecast))| {
+            let evident = f.evidence > if *rank == 0 { NEGLIGIBLE_EVIDENCE } else { LEAST_EVIDENCE };
+            evident && f.square < most && fall(self.start, self.fitter.runs, start, f.square) > least
+        };
+        let leading: Vec<usize> =
+            order.into_iter().take(FULL_FITS).enumerate().filter(may_win).map(|(_, (i, _))| i).collect();
+        self.fit_forecasts(&leading);
+    }
+
+    /// Fits models from where their forecasts say.
+    fn fit_forecasts(&mut self, which: &[usize]) {
+        let this = &*self;
+        let fits: Vec<(usize, Option<Fit>, bool)> = which
+            .par_iter()
+            .filter_map(|&i| {
+                let forecast = this.met[i].forecast.as_ref()?;
+                let added: Vec<Chosen> =
+                    this.added(&forecast.effects).into_iter().map(|k| forecast.effects[k].clone()).collect();
+                // elements are added one by one, from the signals, which is more reliable
+                let grows = added.len() == 1 && added[0].elements.is_some();
+                let fit = match grows {
+                    true => this.fitter.anew(&added),
+                    false => this.fitter.on_from(&forecast.effects, &forecast.values),
+                };
+                Some((i, fit.ok(), grows))
+            })
+            .collect();
+        for (i, fit, from_signals) in fits {
+            let met = &mut self.met[i];
+            met.is_from_signals |= from_signals;
+            if let Some(f) = &mut met.forecast {
+                f.is_tried = true;
+            }
+            if let Some(fit) = fit {
+                met.take(fit);
+            }
+        }
+    }
+
+    /// Fits the leading models of a size from the signals: what they leave may be the way that their fits came.
+    pub(crate) fn leading_from_signals(&mut self, size: usize) {
+        let mut order: Vec<usize> =
+            (0..self.met.len()).filter(|&i| self.met[i].key.len() == size && self.met[i].fit.is_some()).collect();
+        order.sort_by(|&a, &b| self.met[a].square().total_cmp(&self.met[b].square()));
+        let most = NO_FULL_FIT_ABOVE * order.first().map_or(0.0, |&i| self.met[i].square());
+        order.retain(|&i| self.met[i].square() < most && !self.met[i].is_from_signals);
+        order.truncate(FULL_FITS);
+        let this = &*self;
+        let fits: Vec<(usize, Option<Fit>)> = order
+            .par_iter()
+            .map(|&i| {
+                let effects = this.met[i].model().map_or(Vec::new(), |(effects, _)| effects.to_vec());
+                let added: Vec<Chosen> = this.added(&effects).into_iter().map(|k| effects[k].clone()).collect();
+                (i, this.fitter.anew(&added).ok())
+            })
+            .collect();
+        for (i, fit) in fits {
+            self.met[i].is_from_signals = true;
+            if let Some(fit) = fit {
+                self.met[i].take(fit);
+            }
+        }
+    }
+
+    /// Fits a state with each further effect coarsely from the signals, and those that leave least to all samples.
+    pub(crate) fn all_from_signals(&mut self, state: &Key) {
+        let Some(of_state) = self.effects_of(state) else { return };
+        let alone: Vec<Form> = self.forms_alone();
+        let root = &self.from.effects;
+        let coarse: Vec<Forecast> = alone
+            .par_iter()
+            .filter(|form| !state.contains(&form.effect))
+            .filter(|form| of_state.iter().all(|c| can_be_combined(c.effect, form.chosen.effect)))
+            .filter_map(|form| {
+                let added: Vec<Chosen> = of_state.iter().chain([&form.chosen]).cloned().collect();
+                let fit = self.fitter.coarse(root, &added).ok()?;
+                let square = fit.mean_square * self.start.samples() as f64;
+                Some(Forecast {
+                    effects: fit.effects,
+                    values: fit.values,
+                    square,
+                    evidence: f64::INFINITY,
+                    is_tried: false,
+                })
+            })
+            .collect();
+        let mut coarse = coarse;
+        coarse.sort_by(|a, b| a.square.total_cmp(&b.square));
+        let most = NO_FULL_FIT_ABOVE * coarse.first().map_or(0.0, |f| f.square);
+        coarse.retain(|f| f.square <= most);
+        coarse.truncate(FULL_FITS);
+        let which: Vec<usize> = coarse
+            .into_iter()
+            .map(|f| {
+                let key = self.key(&f.effects);
+                self.get_mut(&key).forecast = Some(f);
+                self.met.iter().position(|m| m.key == key).unwrap_or(0)
+            })
+            .collect();
+        self.fit_forecasts(&which);
+    }
+
+    /// More elements of a start model's effect whose number is fixed: an effect that makes up for missing ones would be named in their place.
+    pub(crate) fn more_elements(&mut self) {
+        let fitter = &self.fitter;
+        if fitter.asked.iter().all(|c| c.elements.is_none()) {
+            return;
+        }
+        let open: Vec<Chosen> = fitter.asked.iter().map(|c| Chosen { elements: None, ..c.clone() }).collect();
+        let more = with_more_elements(fitter.rig, fitter.runs, self.start, &open, fitter.options, &|_| {});
+        if let Ok(Some(fit)) = more {
+            let key = self.key(&fit.effects);
+            let met = self.get_mut(&key);
+            met.is_from_signals = true;
+            met.take(fit);
+        }
+    }
+
+    /// What a record shows by itself is fitted, whatever a coarse grid says of it.
+    pub(crate) fn shown_by_itself(&mut self) {
+        let shown = self.met.iter().position(|m| {
+            let effects = self.effects_of(&m.key).unwrap_or_default();
+            m.key.len() == 1 && effects.iter().any(|c| c.effect.odds(&self.baseline.known) >= SHOWN)
+        });
+        let Some(i) = shown else { return };
+        let enough = |fit: &Fit| beyond(fit, self.fitter.runs) < self.least_fall;
+        if self.met[i].fit.as_ref().is_some_and(enough) {
+            return;
+        }
+        let added = self.effects_of(&self.met[i].key).unwrap_or_default();
+        if let Ok(fit) = self.fitter.anew(&added) {
+            self.met[i].take(fit);
+        }
+        self.met[i].is_from_signals = true;
+    }
+}
