@@ -62,9 +62,6 @@ pub(crate) const STEP_PARTS: [f64; 4] = [1.0, 0.3, 0.1, 0.0];
 pub(crate) const FORECAST_RANGE: (f64, f64) = (0.3, 2.0);
 /// Effects that are refined; the others are only screened. Cost, and tuned: data unknown.
 pub(crate) const REFINED_EFFECTS: usize = 6;
-/// Error over noise of the coarse start model below which it is near the noise: an effect that screening does not promise
-/// is not refined then. Tuned: data unknown.
-pub(crate) const START_NEAR_NOISE: f64 = 1.3;
 
 // ---- Full fits -----------------------------------------------------------------------------------------------------
 
@@ -80,9 +77,8 @@ pub(crate) const NO_FULL_FIT_ABOVE: f64 = 4.0;
 /// A candidate that leaves less than this many times the best candidate's square is fitted until it converges. Cost, and
 /// tuned: data unknown.
 pub(crate) const CONVERGE_BELOW: f64 = 1.2;
-/// Error over noise below which a model explains the records: no second effect is looked for. What oscillates before the closure does not count.
-/// Tuned: data unknown.
-pub(crate) const EXPLAINED_OVER_NOISE: f64 = 1.2;
+/// Error over noise below which a forecast is accurate: an effect that it does not promise will not appear. Tuned: data unknown.
+pub(crate) const QUIET: f64 = 1.2;
 /// Error over noise of a model above which its parameters may be wrong. Tuned: data unknown.
 pub(crate) const START_DOUBTFUL: f64 = 3.0;
 

@@ -7,7 +7,6 @@ use crate::diagnose::measures::{square, square_at_optimum};
 use crate::diagnose::met::Key;
 use crate::diagnose::search::Search;
 use crate::fit::outcome::fit::Fit;
-use crate::fit::search::starts::may_be_anywhere;
 use crate::model::Model;
 use crate::model::effects::Chosen;
 
@@ -24,9 +23,9 @@ impl Search<'_> {
             }
             let Some(winner) = met.fit.clone() else { return };
             for i in self.added(&winner.effects) {
-                if may_be_anywhere(&winner.effects[i]) {
+                if winner.effects[i].effect.on_pipe() {
                     self.expand(&winner, Some(i));
-                    self.fit_leading(best.len());
+                    self.fit_leading(best.len(), CONVERGE_BELOW);
                 }
             }
             self.rivals(&winner, &best);

@@ -8,7 +8,7 @@
 use crate::diagnose::baseline::Baseline;
 use crate::diagnose::candidate::{Form, base_name};
 use crate::diagnose::fitter::Fitter;
-use crate::diagnose::limits::{EXPLAINED_OVER_NOISE, START_DOUBTFUL};
+use crate::diagnose::limits::{NO_FULL_FIT_ABOVE, QUIET, START_DOUBTFUL};
 use crate::diagnose::measures::{beyond, least_fall, over_noise};
 use crate::diagnose::met::{Key, Met};
 use crate::diagnose::weigh::weigh;
@@ -115,7 +115,7 @@ impl<'a> Search<'a> {
     /// gets there against what the instruments say has not shown that no other would.
     fn is_quiet(&self, size: usize) -> bool {
         let runs = self.fitter.runs;
-        let quiet = |fit: &Fit| over_noise(fit, runs) < EXPLAINED_OVER_NOISE && (size > 1 || is_sound(fit, runs));
+        let quiet = |fit: &Fit| over_noise(fit, runs) < QUIET && (size > 1 || is_sound(fit, runs));
         let fits = self.met.iter().filter(|m| m.key.len() <= size).filter_map(|m| m.fit.as_ref());
         fits.chain([self.start]).any(quiet)
     }
@@ -130,7 +130,7 @@ impl<'a> Search<'a> {
                 };
                 if let Some(fit) = fit {
                     self.expand(&fit, None);
-                    self.fit_leading(state.len() + 1);
+                    self.fit_leading(state.len() + 1, NO_FULL_FIT_ABOVE);
                 }
                 if state.is_empty() {
                     self.more_elements();

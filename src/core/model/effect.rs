@@ -75,7 +75,7 @@ pub trait Effect: Sync {
     fn at_sensor(&self) -> bool {
         false
     }
-    /// Whether it is at a place on a pipe, which may be named in a network (`name@branch`).
+    /// Whether it may be anywhere along a pipe, which may be named in a network (`name@branch`): it proposes starts over the whole of it.
     fn on_pipe(&self) -> bool {
         false
     }

@@ -22,7 +22,6 @@ use crate::fit::search::finish::{descend, finish, without_descent};
 use crate::fit::search::global::global_search;
 use crate::fit::search::options::Options;
 use crate::fit::search::sensor_choice::with_sensors;
-use crate::fit::search::starts::may_be_anywhere;
 use crate::fit::search::stepwise::{conclude, stepwise};
 use crate::fit::search::thresholds::{COARSE_REACHES, FOLLOWING, LOCKING_REACHES};
 use crate::model::effects::Chosen;
@@ -103,7 +102,7 @@ pub fn calibrate(
             }
         }
     }
-    let located = model.effects.iter().any(may_be_anywhere);
+    let located = model.effects.iter().any(|c| c.effect.on_pipe());
     let doubtful = model.effects != chosen || is_poor(&ctx, &model, &state);
     if located && doubtful && options.method == Method::LeastSquares {
         // Where a place cannot be simulated, the fit stays as it is.

@@ -1,7 +1,6 @@
 //! Where fits start: from the rig's values, from what each effect proposes beside them, from a smaller model already fitted.
 
 use crate::fit::search::calibrator::Estimate;
-use crate::fit::search::thresholds::FEW_STARTS;
 use crate::model::Model;
 use crate::model::effects::Chosen;
 use crate::model::parameter::Scale;
@@ -16,11 +15,6 @@ pub(crate) struct Start {
     pub(crate) of_many: bool,
 }
 
-/// Whether an effect may be anywhere along the pipe: it proposes more than a few starts.
-pub(crate) fn may_be_anywhere(chosen: &Chosen) -> bool {
-    chosen.effect.other_starts(chosen.elements.unwrap_or(1)).len() > FEW_STARTS
-}
-
 /// Whether an effect proposes starts beside its usual one: its fit has several optima.
 pub(crate) fn proposes_starts(chosen: &Chosen) -> bool {
     !chosen.effect.other_starts(chosen.elements.unwrap_or(1)).is_empty()
@@ -32,7 +26,7 @@ pub(crate) fn starts_of(model: &Model, base: &[f64]) -> Vec<Start> {
     let mut at = model.effects_from();
     for (chosen, &size) in model.effects.iter().zip(model.effect_sizes()) {
         let others = chosen.effect.other_starts(chosen.elements.unwrap_or(1));
-        let of_many = may_be_anywhere(chosen);
+        let of_many = chosen.effect.on_pipe();
         for factors in others {
             let mut values = base.to_vec();
             for (value, factor) in values[at..at + size].iter_mut().zip(factors) {
@@ -85,7 +79,7 @@ pub(crate) fn vanish(values: &mut [f64], starts: &[Start], model: &Model) -> Vec
 pub(crate) fn take_over(values: &mut [f64], model: &Model, small: &Model, state: &Estimate) {
     let mut at = model.effects_from();
     for (chosen, &size) in model.effects.iter().zip(model.effect_sizes()) {
-        if may_be_anywhere(chosen) {
+        if chosen.effect.on_pipe() {
             for (value, parameter) in values.iter_mut().zip(&model.shared).skip(at).take(size) {
                 if let Some(i) = small.shared.iter().position(|p| p.name == parameter.name) {
                     *value = state.values[i];

@@ -19,8 +19,6 @@ pub(crate) const COARSE_SAMPLES: usize = 2500;
 /// fit with gas loses its way. Tuned; the measured trace of Adelaide, with its head off by up to 0.13 m.
 pub(crate) const LOCKING_PERIODS: [f64; 3] = [1.5, 2.7, 5.0];
 
-/// Other starts of an effect up to which each is followed on its own; an effect with more may be anywhere. Chosen.
-pub(crate) const FEW_STARTS: usize = 3;
 /// How many of the places where an effect was screened are followed further. Tuned; data unknown.
 pub(crate) const MAX_RELEASED: usize = 4;
 /// Cost, as a share of what there was, below which several effects that may be anywhere are looked for once more. Cost, and chosen.
