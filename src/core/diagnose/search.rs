@@ -42,8 +42,6 @@ enum Starts {
     AllFromSignals,
 }
 
-const ORDER: [Starts; 3] = [Starts::Forecast, Starts::LeadingFromSignals, Starts::AllFromSignals];
-
 impl<'a> Search<'a> {
     /// A search from a fitted start model, which may have `grown` out of a smaller one.
     pub(crate) fn new(
@@ -93,11 +91,12 @@ impl<'a> Search<'a> {
         let bigger = (1..most).map_while(best_of);
         let bigger = bigger.take_while(|m| m.evidence > 0.0 && !m.is_shown && self.leaves_room(m.met));
         let states: Vec<Key> = std::iter::once(Key::new()).chain(bigger.map(|m| m.met.key.clone())).collect();
-        let open = |starts| {
-            let promising = move |state: &Key| starts == Starts::Forecast || !self.is_quiet(state.len() + 1);
-            move |state: &&Key| promising(state) && !done.iter().any(|(key, how)| key == *state && *how == starts)
+        let dear = |state: &Key, starts| starts != Starts::Forecast && self.is_quiet(state.len() + 1);
+        let each = |starts: &'static [Starts]| {
+            states.iter().flat_map(move |state| starts.iter().map(move |&starts| (state.clone(), starts)))
         };
-        ORDER.into_iter().find_map(|starts| states.iter().find(open(starts)).map(|state| (state.clone(), starts)))
+        let mut steps = each(&[Starts::Forecast, Starts::LeadingFromSignals]).chain(each(&[Starts::AllFromSignals]));
+        steps.find(|step| !done.contains(step) && !dear(&step.0, step.1))
     }
 
     /// Whether a model leaves so much that a further effect could be worth it.
