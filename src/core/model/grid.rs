@@ -88,6 +88,7 @@ pub struct Segment {
 
 impl Segment {
     /// The segment's nodes in the state's slices.
+    #[inline]
     pub fn nodes(&self) -> std::ops::Range<usize> {
         self.offset..self.offset + self.reaches + 1
     }

@@ -75,6 +75,7 @@ impl Spread {
     }
 
     /// Finds the outflow at the new time from the interpolated head without it, and what one m³/s of it takes of that at once.
+    #[inline]
     pub fn find(&mut self, free_head_m: f64, z: f64) {
         let by = z + self.by.iter().sum::<f64>();
         let known = free_head_m + self.by.iter().zip(&self.flows_m3_s).map(|(by, q)| by * q).sum::<f64>();
@@ -90,6 +91,7 @@ impl Spread {
     }
 
     /// Advances the inner state with the latest solution.
+    #[inline]
     pub fn advance(&mut self) {
         self.shunt.advance(self.head_m);
         self.flows_m3_s = [self.flow_m3_s, self.flows_m3_s[0], self.flows_m3_s[1]];
@@ -117,6 +119,7 @@ impl Loss {
     }
 
     /// Head drop at a flow, and its derivative.
+    #[inline]
     fn drop_m(&self, flow_m3_s: f64) -> (f64, f64) {
         let by = self.by[0] + self.by[1];
         let known = flow_m3_s + self.by[0] * self.drops_m[0] + self.by[1] * self.drops_m[1];
@@ -127,6 +130,7 @@ impl Loss {
     }
 
     /// Alone between two pipes, behind which `taken_m3_s` leaves: with `u` for what passes, one quadratic.
+    #[inline]
     fn between(&self, left: Arriving, right: Arriving, taken_m3_s: f64) -> Solved {
         let (by, z) = (self.by[0] + self.by[1], left.z + right.z);
         let before = self.by[0] * self.drops_m[0] + self.by[1] * self.drops_m[1];
@@ -265,6 +269,7 @@ impl Node {
     }
 
     /// The solution between two pipes, as [`Node::find`].
+    #[inline]
     pub fn find_between(&self, left: Arriving, right: Arriving, guess_m: f64) -> Solved {
         match &self.losses[..] {
             [loss] if self.shunts.is_empty() => loss.between(left, right, self.taken_m3_s),
@@ -276,6 +281,7 @@ impl Node {
     }
 
     /// Advances the elements with a solution.
+    #[inline]
     pub fn advance(&mut self, solved: &Solved) {
         for shunt in &mut self.shunts {
             shunt.advance(solved.right_head_m);

@@ -195,14 +195,17 @@ impl Stepped<'_> {
             }
             None if self.terms.is_empty() => {}
             None => {
-                state.storage.fill(0.0);
-                state.momentum.fill(0.0);
+                for sum in &mut state.storage {
+                    *sum = 0.0;
+                }
+                for sum in &mut state.momentum {
+                    *sum = 0.0;
+                }
                 for term in &mut self.terms {
                     term.advance(&state.h, &state.u, &mut state.storage, &mut state.momentum);
                 }
             }
         }
-        std::mem::swap(&mut state.fwd, &mut state.new_fwd);
-        std::mem::swap(&mut state.bwd, &mut state.new_bwd);
+        state.turn();
     }
 }

@@ -43,6 +43,14 @@ impl State {
         }
     }
 
+    /// The new waves become the old ones.
+    #[inline(always)]
+    pub(crate) fn turn(&mut self) {
+        let (fwd, bwd) = (std::mem::take(&mut self.fwd), std::mem::take(&mut self.bwd));
+        self.fwd = std::mem::replace(&mut self.new_fwd, fwd);
+        self.bwd = std::mem::replace(&mut self.new_bwd, bwd);
+    }
+
     /// Steps the nodes of a segment between its ends.
     #[inline(always)]
     pub(crate) fn interior(&mut self, segment: usize, nodes: std::ops::Range<usize>) {
@@ -105,7 +113,8 @@ impl State {
     /// Appends what each probe reads now.
     #[inline(always)]
     pub(crate) fn read(&self, traces: &mut [Trace], readings: &[Reading]) {
-        for (trace, Reading { stencil, of }) in traces.iter_mut().zip(readings) {
+        for i in 0..traces.len().min(readings.len()) {
+            let (trace, Reading { stencil, of }) = (&mut traces[i], &readings[i]);
             trace.values.push(match of {
                 Quantity::Head(steady_m) if self.elastic => {
                     stencil.read(|node| steady_m[node] + 0.5 * (self.fwd[node] + self.bwd[node]))
