@@ -77,8 +77,9 @@ impl Spread {
     /// Finds the outflow at the new time from the interpolated head without it, and what one m³/s of it takes of that at once.
     #[inline]
     pub fn find(&mut self, free_head_m: f64, z: f64) {
-        let by = z + self.by.iter().sum::<f64>();
-        let known = free_head_m + self.by.iter().zip(&self.flows_m3_s).map(|(by, q)| by * q).sum::<f64>();
+        let ([by_1, by_2, by_3], [q_1, q_2, q_3]) = (self.by, self.flows_m3_s);
+        let by = z + (by_1 + by_2 + by_3);
+        let known = free_head_m + (by_1 * q_1 + by_2 * q_2 + by_3 * q_3);
         let (head_m, (flow_m3_s, _)) = root(
             |x| {
                 let (q, dq) = self.shunt.outflow(x);
