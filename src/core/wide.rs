@@ -7,13 +7,16 @@
 macro_rules! widened {
     ($(#[$doc:meta])* $visibility:vis fn $name:ident($($arg:ident: $of:ty),* $(,)?) $(-> $result:ty)? $body:block) => {
         $(#[$doc])*
+        #[allow(clippy::too_many_arguments)] // slices of one segment
         $visibility fn $name($($arg: $of),*) $(-> $result)? {
             #[inline(always)]
+            #[allow(clippy::too_many_arguments)]
             fn any($($arg: $of),*) $(-> $result)? $body
 
             #[cfg(target_arch = "x86_64")]
             {
                 #[target_feature(enable = "avx2")]
+                #[allow(clippy::too_many_arguments)]
                 fn with_avx2($($arg: $of),*) $(-> $result)? {
                     any($($arg),*)
                 }

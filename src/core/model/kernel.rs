@@ -20,7 +20,6 @@ use crate::model::friction::NodeFriction;
 ///
 /// `friction` is that of `w`, `steady_loss` is `R0`.
 #[inline(always)]
-#[allow(clippy::too_many_arguments)] // slices of one segment
 pub fn elastic<F: NodeFriction>(
     fwd: &[f64],
     bwd: &[f64],
