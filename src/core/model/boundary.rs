@@ -126,6 +126,7 @@ pub enum Outlet {
 
 impl ValveEnd {
     /// What it is at `time_s`.
+    #[inline]
     pub fn at(&self, time_s: f64) -> Outlet {
         match (&self.given_head, self.closure) {
             (Some(head), _) => Outlet::Head(head(time_s)),
@@ -145,6 +146,7 @@ impl ValveEnd {
     }
 
     /// `τ Q0/√ΔH0`: the orifice's flow over the root of its head difference, `s` of the closing time being over.
+    #[inline]
     fn root_c(&self, s: f64) -> f64 {
         let moving = self.law.as_ref().map_or(1.0 - s, |law| law(s)).clamp(0.0, 1.0);
         let opening = self.residual_opening + (1.0 - self.residual_opening) * moving;
@@ -179,6 +181,7 @@ impl Outlet {
     }
 
     /// Flow through it at a head before it, m³/s, and its derivative by that head.
+    #[inline]
     pub fn flow_at_m3_s(self, head_m: f64) -> (f64, f64) {
         match self {
             Outlet::Head(held_m) => (HOLDING_M2_S * (head_m - held_m), HOLDING_M2_S),
@@ -199,6 +202,7 @@ impl Outlet {
 }
 
 /// The elapsed share of the closing time, 0 to 1.
+#[inline]
 fn part(time_s: f64, closing_time_s: f64) -> f64 {
     if closing_time_s > 0.0 { (time_s / closing_time_s).clamp(0.0, 1.0) } else { f64::from(time_s > 0.0) }
 }

@@ -9,7 +9,7 @@ pub struct Implicit {
     pub mu: f64,
 }
 
-/// A term of the equations along the line, computed once per step for all nodes of a segment.
+/// A term of the equations along the line, computed once per step for all nodes.
 ///
 /// In the notation of [`kernel`](crate::model::kernel): half of what the term takes over one reach and one step is `κh - b` of head (storage)
 /// and `μu - d` (momentum) at the new time; `κ, μ` are constants of the segment, `b, d` known before the step. Heads are deviations
@@ -21,8 +21,8 @@ pub trait LineTerm: Send {
     fn known(&self, segment: usize, storage: &mut [f64], momentum: &mut [f64]) {
         let _ = (segment, storage, momentum);
     }
-    /// Advances with the new head deviations and `u` of a segment's nodes, and adds `b` and `d` of the next step.
-    fn advance(&mut self, segment: usize, h: &[f64], u: &[f64], storage: &mut [f64], momentum: &mut [f64]);
+    /// Advances with the new head deviations and `u` of all nodes, and adds `b` and `d` of the next step.
+    fn advance(&mut self, h: &[f64], u: &[f64], storage: &mut [f64], momentum: &mut [f64]);
 }
 
 /// Takes water out of *every* node: gas spread along the pipe, cavities wherever the pressure falls.

@@ -263,11 +263,7 @@ impl<'a> Balance<'a> {
         for (term, (storage, momentum)) in terms.iter_mut().zip(&mut self.known) {
             storage.fill(0.0);
             momentum.fill(0.0);
-            for (s, segment) in self.steady.grid.segments.iter().enumerate() {
-                let n = segment.nodes();
-                let (h, u) = (&state.h[n.clone()], &state.u[n.clone()]);
-                term.advance(s, h, u, &mut storage[n.clone()], &mut momentum[n]);
-            }
+            term.advance(&state.h, &state.u, storage, momentum);
         }
         state.storage.fill(0.0);
         state.momentum.fill(0.0);

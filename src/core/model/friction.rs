@@ -104,6 +104,7 @@ pub trait NodeFriction {
     /// `u` with `u (1 + φ(|u|)) = d`.
     fn solve(&self, d: f64) -> f64;
     /// Half a reach's loss `½R` at `u`, m.
+    #[inline(always)]
     fn half_loss(&self, u: f64) -> f64 {
         u * self.phi(u)
     }

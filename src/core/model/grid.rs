@@ -88,6 +88,7 @@ pub struct Segment {
 
 impl Segment {
     /// The segment's nodes in the state's slices.
+    #[inline]
     pub fn nodes(&self) -> std::ops::Range<usize> {
         self.offset..self.offset + self.reaches + 1
     }
@@ -129,7 +130,7 @@ pub struct Stencil {
 
 impl Stencil {
     /// What the probe reads of values at the nodes.
-    #[inline]
+    #[inline(always)]
     pub fn read(&self, of: impl Fn(usize) -> f64) -> f64 {
         let b = of(self.around[0]);
         if self.part == 0.0 {
@@ -301,6 +302,18 @@ impl Grid {
             lines[segment.line].end = segments.len();
         }
         Grid { segments, lines, ..self }
+    }
+
+    /// The nodes of neighbouring segments that are `alike`, together: the first of these segments, and the nodes.
+    pub fn together(&self, alike: impl Fn(usize, usize) -> bool) -> Vec<(usize, Range<usize>)> {
+        let mut together: Vec<(usize, Range<usize>)> = Vec::new();
+        for (s, segment) in self.segments.iter().enumerate() {
+            match together.last_mut() {
+                Some((first, nodes)) if alike(*first, s) => nodes.end = segment.nodes().end,
+                _ => together.push((s, segment.nodes())),
+            }
+        }
+        together
     }
 
     /// Number of nodes over all segments (a node between two segments counts in both).

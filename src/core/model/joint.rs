@@ -45,7 +45,7 @@ impl<'a> Joints<'a> {
     }
 
     /// Solves all joints at the new time and sends the waves back into the segments.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn step(&mut self, state: &mut State, balance: &mut Option<&mut Balance>) {
         for joint in &mut self.joints {
             (joint.from_left, joint.from_right) = (joint.left.arriving(state), joint.right.arriving(state));

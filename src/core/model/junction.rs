@@ -99,7 +99,7 @@ pub(crate) struct Junction<'a> {
 
 impl Junction<'_> {
     /// Solves the node at the new time and sends the waves back into its lines.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn step(&mut self, state: &mut State, (time_s, dt_s): (f64, f64), balance: &mut Option<&mut Balance>) {
         let (last, first) = (self.last.arriving(state), self.first.arriving(state));
         if let (Law::Passage(_), true) = (&self.law, first.is_something()) {

@@ -1,4 +1,4 @@
-//! The step of the interior nodes: loops over slices, nothing else.
+//! The step of the interior nodes: loops over slices, nothing else. They are inlined into the loop over time, which is compiled for wide registers.
 //!
 //! Heads are deviations `h = H - H0(x)` from the steady state: storage terms want them so, and what the steady flow loses over a
 //! reach, `R0`, drops out of them. Each node keeps the two waves that leave it, `fwd` downstream and `bwd` upstream. With the waves `Cp`, `Cm` that arrive,
@@ -15,28 +15,26 @@
 //! once more from the leaving ones. The loops reckon in `w = 2u`, which saves the halves.
 
 use crate::model::friction::NodeFriction;
-use crate::wide::widened;
 
-widened! {
-    /// Elastic interior with steady friction: nodes `1..n-1` of a segment, from the old leaving waves to the new.
-    ///
-    /// `friction` is that of `w`, `steady_loss` is `R0`.
-    pub fn elastic[F: NodeFriction](
-        fwd: &[f64],
-        bwd: &[f64],
-        new_fwd: &mut [f64],
-        new_bwd: &mut [f64],
-        friction: &F,
-        steady_loss: f64,
-    ) {
-        let Some(m) = fwd.len().checked_sub(2) else { return };
-        let (cp, cm) = (&fwd[..m], &bwd[2..][..m]);
-        let (new_fwd, new_bwd) = (&mut new_fwd[1..][..m], &mut new_bwd[1..][..m]);
-        for i in 0..m {
-            let w = friction.solve(cp[i] - cm[i] + steady_loss);
-            new_fwd[i] = cm[i] + w;
-            new_bwd[i] = cp[i] - w;
-        }
+/// Elastic interior with steady friction: nodes `1..n-1` of a segment, from the old leaving waves to the new.
+///
+/// `friction` is that of `w`, `steady_loss` is `R0`.
+#[inline(always)]
+pub fn elastic<F: NodeFriction>(
+    fwd: &[f64],
+    bwd: &[f64],
+    new_fwd: &mut [f64],
+    new_bwd: &mut [f64],
+    friction: &F,
+    steady_loss: f64,
+) {
+    let Some(m) = fwd.len().checked_sub(2) else { return };
+    let (cp, cm) = (&fwd[..m], &bwd[2..][..m]);
+    let (new_fwd, new_bwd) = (&mut new_fwd[1..][..m], &mut new_bwd[1..][..m]);
+    for i in 0..m {
+        let w = friction.solve(cp[i] - cm[i] + steady_loss);
+        new_fwd[i] = cm[i] + w;
+        new_bwd[i] = cp[i] - w;
     }
 }
 
@@ -54,76 +52,75 @@ pub struct Terms<'a> {
     pub steady_loss: f64,
 }
 
-widened! {
-    /// Interior with line terms; also gives head and `u = B Q` at nodes `1..n-1`. `friction` is that of `w`, of the reach divided
-    /// by `1 + μ`.
-    pub fn with_terms[F: NodeFriction](
-        fwd: &[f64],
-        bwd: &[f64],
-        new_fwd: &mut [f64],
-        new_bwd: &mut [f64],
-        head: &mut [f64],
-        u: &mut [f64],
-        terms: &Terms,
-        friction: &F,
-    ) {
-        let Some(m) = fwd.len().checked_sub(2) else { return };
-        let (cp, cm) = (&fwd[..m], &bwd[2..][..m]);
-        let (new_fwd, new_bwd) = (&mut new_fwd[1..][..m], &mut new_bwd[1..][..m]);
-        let (head, u) = (&mut head[1..][..m], &mut u[1..][..m]);
-        let (storage, momentum) = (&terms.storage[1..][..m], &terms.momentum[1..][..m]);
-        let steady_loss = terms.steady_loss;
-        let (by_kappa, by_mu) = (1.0 / (1.0 + terms.kappa), 1.0 / (1.0 + terms.mu));
-        for i in 0..m {
-            let twice_h = (cp[i] + cm[i] + 2.0 * storage[i]) * by_kappa;
-            let w = friction.solve((cp[i] - cm[i] + steady_loss + 2.0 * momentum[i]) * by_mu);
-            head[i] = 0.5 * twice_h;
-            u[i] = 0.5 * w;
-            new_fwd[i] = twice_h + w - cp[i];
-            new_bwd[i] = twice_h - w - cm[i];
-        }
+/// Interior with line terms; also gives head and `u = B Q` at nodes `1..n-1`. `friction` is that of `w`, of the reach divided
+/// by `1 + μ`.
+#[inline(always)]
+#[allow(clippy::too_many_arguments)] // slices of one segment
+pub fn with_terms<F: NodeFriction>(
+    fwd: &[f64],
+    bwd: &[f64],
+    new_fwd: &mut [f64],
+    new_bwd: &mut [f64],
+    head: &mut [f64],
+    u: &mut [f64],
+    terms: &Terms,
+    friction: &F,
+) {
+    let Some(m) = fwd.len().checked_sub(2) else { return };
+    let (cp, cm) = (&fwd[..m], &bwd[2..][..m]);
+    let (new_fwd, new_bwd) = (&mut new_fwd[1..][..m], &mut new_bwd[1..][..m]);
+    let (head, u) = (&mut head[1..][..m], &mut u[1..][..m]);
+    let (storage, momentum) = (&terms.storage[1..][..m], &terms.momentum[1..][..m]);
+    let steady_loss = terms.steady_loss;
+    let (by_kappa, by_mu) = (1.0 / (1.0 + terms.kappa), 1.0 / (1.0 + terms.mu));
+    for i in 0..m {
+        let twice_h = (cp[i] + cm[i] + 2.0 * storage[i]) * by_kappa;
+        let w = friction.solve((cp[i] - cm[i] + steady_loss + 2.0 * momentum[i]) * by_mu);
+        head[i] = 0.5 * twice_h;
+        u[i] = 0.5 * w;
+        new_fwd[i] = twice_h + w - cp[i];
+        new_bwd[i] = twice_h - w - cm[i];
     }
 }
 
-widened! {
-    /// `S + b` at nodes `1..n-1` of a segment, from which a node field finds head and outflow.
-    pub fn mean_arriving(fwd: &[f64], bwd: &[f64], storage: &[f64], mean: &mut [f64]) {
-        let m = mean.len();
-        let (cp, cm, storage) = (&fwd[..m], &bwd[2..][..m], &storage[1..][..m]);
-        for i in 0..m {
-            mean[i] = 0.5 * (cp[i] + cm[i]) + storage[i];
-        }
+/// `S + b` at nodes `1..n-1` of a segment, from which a node field finds head and outflow.
+#[inline(always)]
+pub fn mean_arriving(fwd: &[f64], bwd: &[f64], storage: &[f64], mean: &mut [f64]) {
+    let m = mean.len();
+    let (cp, cm, storage) = (&fwd[..m], &bwd[2..][..m], &storage[1..][..m]);
+    for i in 0..m {
+        mean[i] = 0.5 * (cp[i] + cm[i]) + storage[i];
     }
 }
 
-widened! {
-    /// Interior where water is taken out of every node, as [`with_terms`]: from the heads and outflows of nodes `1..n-1` to their flows and waves.
-    /// The flows on the two sides of a node differ by the outflow; `half_b` is `B/2`.
-    pub fn with_outflow[F: NodeFriction](
-        fwd: &[f64],
-        bwd: &[f64],
-        new_fwd: &mut [f64],
-        new_bwd: &mut [f64],
-        head: &[f64],
-        outflow: &[f64],
-        u: &mut [f64],
-        half_b: f64,
-        terms: &Terms,
-        friction: &F,
-    ) {
-        let Some(m) = fwd.len().checked_sub(2) else { return };
-        let (cp, cm) = (&fwd[..m], &bwd[2..][..m]);
-        let (new_fwd, new_bwd) = (&mut new_fwd[1..][..m], &mut new_bwd[1..][..m]);
-        let (head, outflow, u) = (&head[1..][..m], &outflow[1..][..m], &mut u[1..][..m]);
-        let (storage, momentum) = (&terms.storage[1..][..m], &terms.momentum[1..][..m]);
-        let by_mu = 1.0 / (1.0 + terms.mu);
-        for i in 0..m {
-            let w = friction.solve((cp[i] - cm[i] + terms.steady_loss + 2.0 * momentum[i]) * by_mu);
-            let taken = 2.0 * half_b * outflow[i];
-            let twice_kept = 2.0 * (storage[i] - terms.kappa * head[i]);
-            u[i] = 0.5 * w;
-            new_bwd[i] = cp[i] + (twice_kept - w - taken);
-            new_fwd[i] = cm[i] + (twice_kept + w - taken);
-        }
+/// Interior where water is taken out of every node, as [`with_terms`]: from the heads and outflows of nodes `1..n-1` to their flows and waves.
+/// The flows on the two sides of a node differ by the outflow; `half_b` is `B/2`.
+#[inline(always)]
+#[allow(clippy::too_many_arguments)] // slices of one segment
+pub fn with_outflow<F: NodeFriction>(
+    fwd: &[f64],
+    bwd: &[f64],
+    new_fwd: &mut [f64],
+    new_bwd: &mut [f64],
+    head: &[f64],
+    outflow: &[f64],
+    u: &mut [f64],
+    half_b: f64,
+    terms: &Terms,
+    friction: &F,
+) {
+    let Some(m) = fwd.len().checked_sub(2) else { return };
+    let (cp, cm) = (&fwd[..m], &bwd[2..][..m]);
+    let (new_fwd, new_bwd) = (&mut new_fwd[1..][..m], &mut new_bwd[1..][..m]);
+    let (head, outflow, u) = (&head[1..][..m], &outflow[1..][..m], &mut u[1..][..m]);
+    let (storage, momentum) = (&terms.storage[1..][..m], &terms.momentum[1..][..m]);
+    let by_mu = 1.0 / (1.0 + terms.mu);
+    for i in 0..m {
+        let w = friction.solve((cp[i] - cm[i] + terms.steady_loss + 2.0 * momentum[i]) * by_mu);
+        let taken = 2.0 * half_b * outflow[i];
+        let twice_kept = 2.0 * (storage[i] - terms.kappa * head[i]);
+        u[i] = 0.5 * w;
+        new_bwd[i] = cp[i] + (twice_kept - w - taken);
+        new_fwd[i] = cm[i] + (twice_kept + w - taken);
     }
 }

@@ -30,7 +30,7 @@ impl Late {
     }
 
     /// Delays the waves on their way into the reach's other end.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn pass(&mut self, fwd: &mut [f64], bwd: &mut [f64]) {
         for (wave, kept) in [&mut fwd[self.nodes[0]], &mut bwd[self.nodes[1]]].into_iter().zip(&mut self.kept) {
             let passed = self.eta * *wave + *kept;

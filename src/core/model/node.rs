@@ -75,9 +75,11 @@ impl Spread {
     }
 
     /// Finds the outflow at the new time from the interpolated head without it, and what one m³/s of it takes of that at once.
+    #[inline]
     pub fn find(&mut self, free_head_m: f64, z: f64) {
-        let by = z + self.by.iter().sum::<f64>();
-        let known = free_head_m + self.by.iter().zip(&self.flows_m3_s).map(|(by, q)| by * q).sum::<f64>();
+        let ([by_1, by_2, by_3], [q_1, q_2, q_3]) = (self.by, self.flows_m3_s);
+        let by = z + (by_1 + by_2 + by_3);
+        let known = free_head_m + (by_1 * q_1 + by_2 * q_2 + by_3 * q_3);
         let (head_m, (flow_m3_s, _)) = root(
             |x| {
                 let (q, dq) = self.shunt.outflow(x);
@@ -90,6 +92,7 @@ impl Spread {
     }
 
     /// Advances the inner state with the latest solution.
+    #[inline]
     pub fn advance(&mut self) {
         self.shunt.advance(self.head_m);
         self.flows_m3_s = [self.flow_m3_s, self.flows_m3_s[0], self.flows_m3_s[1]];
@@ -117,6 +120,7 @@ impl Loss {
     }
 
     /// Head drop at a flow, and its derivative.
+    #[inline]
     fn drop_m(&self, flow_m3_s: f64) -> (f64, f64) {
         let by = self.by[0] + self.by[1];
         let known = flow_m3_s + self.by[0] * self.drops_m[0] + self.by[1] * self.drops_m[1];
@@ -127,6 +131,7 @@ impl Loss {
     }
 
     /// Alone between two pipes, behind which `taken_m3_s` leaves: with `u` for what passes, one quadratic.
+    #[inline]
     fn between(&self, left: Arriving, right: Arriving, taken_m3_s: f64) -> Solved {
         let (by, z) = (self.by[0] + self.by[1], left.z + right.z);
         let before = self.by[0] * self.drops_m[0] + self.by[1] * self.drops_m[1];
@@ -265,6 +270,7 @@ impl Node {
     }
 
     /// The solution between two pipes, as [`Node::find`].
+    #[inline]
     pub fn find_between(&self, left: Arriving, right: Arriving, guess_m: f64) -> Solved {
         match &self.losses[..] {
             [loss] if self.shunts.is_empty() => loss.between(left, right, self.taken_m3_s),
@@ -276,6 +282,7 @@ impl Node {
     }
 
     /// Advances the elements with a solution.
+    #[inline]
     pub fn advance(&mut self, solved: &Solved) {
         for shunt in &mut self.shunts {
             shunt.advance(solved.right_head_m);

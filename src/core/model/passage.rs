@@ -29,6 +29,7 @@ pub enum Passage {
 
 impl Passage {
     /// What it is at a time, for what ends there alone.
+    #[inline]
     pub(crate) fn at(&self, time_s: f64) -> Outlet {
         match self {
             Passage::Valve(valve) => valve.at(time_s),

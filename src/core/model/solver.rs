@@ -14,6 +14,7 @@ use crate::model::steady::Steady;
 use crate::model::stop::Heeded;
 use crate::model::trace::{Probe, Trace};
 use crate::rig::{Graph, Place};
+use crate::wide::widened;
 
 /// All lines with everything on them.
 pub struct Lines<'a> {
@@ -60,18 +61,7 @@ impl<'a> Lines<'a> {
         let mut lines = self.stepped(graph, &state);
         let mut traces: Vec<Trace> = readings.iter().map(|_| Trace::with_capacity(grid.dt_s, steps + 1)).collect();
         state.read(&mut traces, &readings);
-        let heeded = Heeded::by_this_thread();
-        for step in 1..=steps {
-            heeded.stop_if_told();
-            let time_s = step as f64 * grid.dt_s;
-            lines.step(&mut state, time_s, balance.as_mut());
-            state.read(&mut traces, &readings);
-            // At the end of the last line, which all waves reach within L/a; everywhere once, at the end.
-            let seen = if step < steps { state.fwd.len() - 1..state.fwd.len() } else { 0..state.fwd.len() };
-            if !seen.into_iter().all(|i| state.fwd[i].is_finite() && state.bwd[i].is_finite()) {
-                return Err(not_finite(grid, &state, time_s));
-            }
-        }
+        march(&mut lines, &mut state, steps, &readings, &mut traces, &mut balance)?;
         Ok((traces, balance.map(Balance::close)))
     }
 
@@ -148,6 +138,33 @@ impl<'a> Lines<'a> {
     }
 }
 
+widened! {
+    /// All steps.
+    fn march(
+        lines: &mut Stepped,
+        state: &mut State,
+        steps: usize,
+        readings: &[Reading],
+        traces: &mut [Trace],
+        balance: &mut Option<Balance>,
+    ) -> Result<(), ModelError> {
+        let grid = lines.steady.grid;
+        let heeded = Heeded::by_this_thread();
+        for step in 1..=steps {
+            heeded.stop_if_told();
+            let time_s = step as f64 * grid.dt_s;
+            lines.step(state, time_s, balance.as_mut());
+            state.read(traces, readings);
+            // At the end of the last line, which all waves reach within L/a; everywhere once, at the end.
+            let seen = if step < steps { state.fwd.len() - 1..state.fwd.len() } else { 0..state.fwd.len() };
+            if !seen.into_iter().all(|i| state.fwd[i].is_finite() && state.bwd[i].is_finite()) {
+                return Err(not_finite(grid, state, time_s));
+            }
+        }
+        Ok(())
+    }
+}
+
 fn not_finite(grid: &Grid, state: &State, time_s: f64) -> ModelError {
     let bad = (0..state.fwd.len()).find(|&i| !(state.fwd[i].is_finite() && state.bwd[i].is_finite())).unwrap_or(0);
     let segment = grid.segments.iter().find(|s| s.nodes().contains(&bad));
@@ -157,6 +174,7 @@ fn not_finite(grid: &Grid, state: &State, time_s: f64) -> ModelError {
 }
 
 impl Stepped<'_> {
+    #[inline(always)]
     fn step(&mut self, state: &mut State, time_s: f64, mut balance: Option<&mut Balance>) {
         let grid = self.steady.grid;
         state.pass_late();
@@ -176,21 +194,18 @@ impl Stepped<'_> {
                 balance.advance(&mut self.terms, state);
             }
             None if self.terms.is_empty() => {}
-            None => self.advance_terms(state),
-        }
-        std::mem::swap(&mut state.fwd, &mut state.new_fwd);
-        std::mem::swap(&mut state.bwd, &mut state.new_bwd);
-    }
-
-    fn advance_terms(&mut self, state: &mut State) {
-        state.storage.fill(0.0);
-        state.momentum.fill(0.0);
-        for (s, segment) in self.steady.grid.segments.iter().enumerate() {
-            let n = segment.nodes();
-            let (h, u) = (&state.h[n.clone()], &state.u[n.clone()]);
-            for term in &mut self.terms {
-                term.advance(s, h, u, &mut state.storage[n.clone()], &mut state.momentum[n.clone()]);
+            None => {
+                for sum in &mut state.storage {
+                    *sum = 0.0;
+                }
+                for sum in &mut state.momentum {
+                    *sum = 0.0;
+                }
+                for term in &mut self.terms {
+                    term.advance(&state.h, &state.u, &mut state.storage, &mut state.momentum);
+                }
             }
         }
+        state.turn();
     }
 }

@@ -36,15 +36,23 @@ pub(crate) struct State {
 
 impl State {
     /// Delays the waves in late reaches.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn pass_late(&mut self) {
         for late in &mut self.late {
             late.pass(&mut self.fwd, &mut self.bwd);
         }
     }
 
+    /// The new waves become the old ones.
+    #[inline(always)]
+    pub(crate) fn turn(&mut self) {
+        let (fwd, bwd) = (std::mem::take(&mut self.fwd), std::mem::take(&mut self.bwd));
+        self.fwd = std::mem::replace(&mut self.new_fwd, fwd);
+        self.bwd = std::mem::replace(&mut self.new_bwd, bwd);
+    }
+
     /// Steps the nodes of a segment between its ends.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn interior(&mut self, segment: usize, nodes: std::ops::Range<usize>) {
         let friction = &self.frictions[segment];
         let steady_loss = 2.0 * self.steady_half_loss[segment];
@@ -75,6 +83,7 @@ impl State {
     }
 
     /// The same with water taken out of every node. The head equation sees half of the outflow as `½ (1 + μ) B q`.
+    #[inline(always)]
     pub(crate) fn interior_with(&mut self, field: &mut dyn NodeField, s: usize, segment: &Segment) {
         let nodes = segment.nodes();
         let inner = nodes.start + 1..nodes.end - 1;
@@ -102,9 +111,10 @@ impl State {
     }
 
     /// Appends what each probe reads now.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn read(&self, traces: &mut [Trace], readings: &[Reading]) {
-        for (trace, Reading { stencil, of }) in traces.iter_mut().zip(readings) {
+        for i in 0..traces.len().min(readings.len()) {
+            let (trace, Reading { stencil, of }) = (&mut traces[i], &readings[i]);
             trace.values.push(match of {
                 Quantity::Head(steady_m) if self.elastic => {
                     stencil.read(|node| steady_m[node] + 0.5 * (self.fwd[node] + self.bwd[node]))

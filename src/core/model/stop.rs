@@ -31,6 +31,7 @@ impl Heeded {
         Heeded(STOP.with_borrow(Clone::clone))
     }
 
+    #[inline]
     pub(crate) fn stop_if_told(&self) {
         if self.0.as_ref().is_some_and(|stop| stop.load(Ordering::Relaxed)) {
             resume_unwind(Box::new(Stopped));

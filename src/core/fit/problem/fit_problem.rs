@@ -143,7 +143,8 @@ impl<'a> FitProblem<'a> {
     }
 
     /// The same problem with a Jacobian from a grid of half the reaches (at least of `least`, and of a few more where that fits the joints): both change
-    /// almost alike, and it costs a quarter. Where that saves little the problem stays as it is.
+    /// almost alike, and it costs a quarter, or on a coarse grid, whose steps cost more than its nodes, a half. Where that saves little the problem
+    /// stays as it is.
     pub(crate) fn with_slopes_of_half(self, least: usize) -> Self {
         let reaches = self.model.fitting_reaches(&self.start_values(), (self.window.reaches / 2).max(least));
         if 3 * reaches >= 2 * self.window.reaches {

@@ -240,6 +240,9 @@ fn attempt(
         ctx.window(model.fitting_reaches(shared, COARSE_REACHES), horizon_s)
     };
     let mut problem = FitProblem::new(model, ctx.runs, window);
+    if limits.iterations > 0 {
+        problem = problem.with_slopes_of_half(ctx.least_reaches);
+    }
     problem.hold(held, values);
     let label = model.effects.iter().map(Chosen::label).collect::<Vec<_>>().join(" + ");
     let label = if label.is_empty() { "base model" } else { &label };

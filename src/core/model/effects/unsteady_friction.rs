@@ -1,6 +1,8 @@
 //! Wall friction that depends on the history of the flow: as a convolution with its past acceleration, or, as a
 //! variant, from its momentary acceleration alone.
 
+use std::ops::Range;
+
 use crate::model::contribution::{Implicit, LineTerm};
 use crate::model::effect::{Effect, check};
 use crate::model::error::ModelError;
@@ -72,9 +74,11 @@ impl Effect for UnsteadyFriction {
         let [scale] = *values else { return Ok(Vec::new()) };
         check("unsteady_friction_scale", scale, scale >= 0.0, "zero or more")?;
         let segments = steady.grid.segments.iter().zip(&steady.flow_m3_s);
-        Ok(vec![Box::new(Convolution {
-            segments: segments.map(|(segment, &flow)| Memory::new(segment, flow, scale, steady)).collect(),
-        })])
+        let segments: Vec<Decays> =
+            segments.map(|(segment, &flow)| Decays::new(segment, flow, scale, steady)).collect();
+        let together = steady.grid.together(|a, b| segments[a] == segments[b]);
+        let memories = together.into_iter().map(|(segment, nodes)| Memory::new(&segments[segment], nodes)).collect();
+        Ok(vec![Box::new(Convolution { segments, memories })])
     }
 }
 
@@ -83,25 +87,35 @@ const MOST_TERMS: usize = 20;
 /// Nodes per block: one pass over a block keeps its sums and flows in registers.
 const BLOCK: usize = 8;
 
-/// Memory of the nodes of one segment.
+/// How the nodes of a segment remember.
 ///
 /// With `u` linear over a step, `y⁺ = E y + M (u⁺ - u)` is exact for each exponential; `E` and `M` are its decay and
 /// mean. The state is `x = M u - E y`, the part that is known before the next step: `y⁺ = M u⁺ - x`, `x⁺ = E x + M (1 -
 /// E) u⁺`. The new flow enters implicitly; explicitly, the error would fall only as the root of the step.
-struct Memory {
+#[derive(PartialEq)]
+struct Decays {
     /// `c Σ M`, where `c Σ y` is the head that the term takes over half a reach.
     mu: f64,
     /// The part of `mu` from exponentials that do not outlast a step.
     forgotten: f64,
     /// `E` and `c M (1 - E)` of each exponential.
     terms: Vec<(f64, f64)>,
-    /// `c x`: blocks of nodes, in each block one exponential after the other.
-    states: Vec<[f64; BLOCK]>,
+    /// `c x` before the closure.
+    steady: Vec<f64>,
     /// `u` before the closure.
     steady_u: f64,
 }
 
-impl Memory {
+/// The memory of nodes that remember alike.
+struct Memory {
+    nodes: Range<usize>,
+    forgotten: f64,
+    terms: Vec<(f64, f64)>,
+    /// `c x`: blocks of nodes, in each block one exponential after the other.
+    states: Vec<[f64; BLOCK]>,
+}
+
+impl Decays {
     fn new(segment: &Segment, flow_m3_s: f64, scale: f64, steady: &Steady) -> Self {
         let viscosity = steady.viscosity_m2_s;
         let by_diffusion_s = 4.0 * viscosity / segment.mean(|s| s.diameter_m).powi(2);
@@ -111,15 +125,21 @@ impl Memory {
         let by_area = segment.mean(|s| 1.0 / (s.area_m2() * s.diameter_m * s.diameter_m));
         let c = scale * 8.0 * viscosity * by_area * segment.reach_m / (GRAVITY_M_S2 * segment.impedance);
         let steady_u = segment.impedance * flow_m3_s;
-        let blocks = (segment.reaches + 1).div_ceil(BLOCK);
-        let rest: Vec<[f64; BLOCK]> = steps.remembered.iter().map(|term| [c * term.mean * steady_u; BLOCK]).collect();
-        Memory {
+        Decays {
             mu: c * steps.first_mean(),
             forgotten: c * steps.forgotten,
             terms: steps.remembered.iter().map(|term| (term.decay, c * term.mean * (1.0 - term.decay))).collect(),
-            states: rest.repeat(blocks),
+            steady: steps.remembered.iter().map(|term| c * term.mean * steady_u).collect(),
             steady_u,
         }
+    }
+}
+
+impl Memory {
+    fn new(decays: &Decays, nodes: Range<usize>) -> Self {
+        let rest: Vec<[f64; BLOCK]> = decays.steady.iter().map(|&x| [x; BLOCK]).collect();
+        let states = rest.repeat(nodes.len().div_ceil(BLOCK));
+        Memory { nodes, forgotten: decays.forgotten, terms: decays.terms.clone(), states }
     }
 
     /// One block: takes its new flows and adds the known part of the next step. Loops by index: adapters of iterators are functions of
@@ -168,7 +188,8 @@ widened! {
 }
 
 struct Convolution {
-    segments: Vec<Memory>,
+    segments: Vec<Decays>,
+    memories: Vec<Memory>,
 }
 
 impl LineTerm for Convolution {
@@ -177,13 +198,14 @@ impl LineTerm for Convolution {
     }
 
     fn known(&self, segment: usize, _storage: &mut [f64], momentum: &mut [f64]) {
-        let memory = &self.segments[segment];
-        momentum.iter_mut().for_each(|d| *d += memory.mu * memory.steady_u);
+        let decays = &self.segments[segment];
+        momentum.iter_mut().for_each(|d| *d += decays.mu * decays.steady_u);
     }
 
-    fn advance(&mut self, segment: usize, _h: &[f64], u: &[f64], _storage: &mut [f64], momentum: &mut [f64]) {
-        let Memory { forgotten, terms, states, .. } = &mut self.segments[segment];
-        advance_blocks(terms, *forgotten, states, u, momentum);
+    fn advance(&mut self, _h: &[f64], u: &[f64], _storage: &mut [f64], momentum: &mut [f64]) {
+        for Memory { nodes, forgotten, terms, states } in &mut self.memories {
+            advance_blocks(terms, *forgotten, states, &u[nodes.clone()], &mut momentum[nodes.clone()]);
+        }
     }
 }
 
@@ -215,8 +237,8 @@ impl Effect for Brunone {
         let [scale] = *values else { return Ok(Vec::new()) };
         check("brunone_scale", scale, (0.0..=MOST_BRUNONE_SCALE).contains(&scale), "from 0 to 20")?;
         let half = |(segment, flow): (&Segment, &f64)| {
-            let u = segment.impedance * flow;
-            (0.5 * scale * brunone_coefficient(reynolds(segment, *flow, steady.viscosity_m2_s), segment.regime()), u)
+            let k = brunone_coefficient(reynolds(segment, *flow, steady.viscosity_m2_s), segment.regime());
+            Inertia { mu: 0.5 * scale * k, steady_u: segment.impedance * flow, nodes: segment.nodes() }
         };
         let segments = steady.grid.segments.iter().zip(&steady.flow_m3_s).map(half).collect();
         Ok(vec![Box::new(Acceleration { segments })])
@@ -242,8 +264,16 @@ fn brunone_coefficient(reynolds: f64, regime: Regime) -> f64 {
 /// slows the flow, however steep, and a front keeps its height over any number of reaches; differences taken at other
 /// places cancel only in theory. At rest it is any value in between, like dry friction, so no sign chatters there.
 struct Acceleration {
-    /// `½k` and `u` before the closure of each segment.
-    segments: Vec<(f64, f64)>,
+    segments: Vec<Inertia>,
+}
+
+/// Its coefficient in a segment.
+struct Inertia {
+    /// `½k`.
+    mu: f64,
+    /// `u` before the closure.
+    steady_u: f64,
+    nodes: Range<usize>,
 }
 
 impl Acceleration {
@@ -256,26 +286,28 @@ impl Acceleration {
 
 impl LineTerm for Acceleration {
     fn implicit(&self, segment: usize) -> Implicit {
-        Implicit { kappa: 0.0, mu: self.segments[segment].0 }
+        Implicit { kappa: 0.0, mu: self.segments[segment].mu }
     }
 
     fn known(&self, segment: usize, _storage: &mut [f64], momentum: &mut [f64]) {
-        let (mu, steady_u) = self.segments[segment];
+        let Inertia { mu, steady_u, .. } = self.segments[segment];
         momentum.iter_mut().for_each(|d| *d += mu * steady_u);
     }
 
-    fn advance(&mut self, segment: usize, h: &[f64], u: &[f64], _storage: &mut [f64], momentum: &mut [f64]) {
-        let mu = self.segments[segment].0;
-        let (Some(inner), [first, .., last]) = (u.len().checked_sub(2), &mut *momentum) else { return };
-        // Beyond a segment's ends the flow is that at the ends.
-        *first += Self::known(mu, u[0], u[1], u[0]);
-        *last += Self::known(mu, u[inner], u[inner + 1], u[inner + 1]);
-        let (u_before, u_after) = (&u[..inner], &u[2..][..inner]);
-        let (h_before, h_after) = (&h[..inner], &h[2..][..inner]);
-        let out = &mut momentum[1..][..inner];
-        for i in 0..inner {
-            let next_u = 0.5 * (u_before[i] + u_after[i] + h_before[i] - h_after[i]);
-            out[i] += Self::known(mu, u_before[i], u_after[i], next_u);
+    fn advance(&mut self, h: &[f64], u: &[f64], _storage: &mut [f64], momentum: &mut [f64]) {
+        for Inertia { mu, nodes, .. } in &self.segments {
+            let (h, u, momentum) = (&h[nodes.clone()], &u[nodes.clone()], &mut momentum[nodes.clone()]);
+            let (Some(inner), [first, .., last]) = (u.len().checked_sub(2), &mut *momentum) else { continue };
+            // Beyond a segment's ends the flow is that at the ends.
+            *first += Self::known(*mu, u[0], u[1], u[0]);
+            *last += Self::known(*mu, u[inner], u[inner + 1], u[inner + 1]);
+            let (u_before, u_after) = (&u[..inner], &u[2..][..inner]);
+            let (h_before, h_after) = (&h[..inner], &h[2..][..inner]);
+            let out = &mut momentum[1..][..inner];
+            for i in 0..inner {
+                let next_u = 0.5 * (u_before[i] + u_after[i] + h_before[i] - h_after[i]);
+                out[i] += Self::known(*mu, u_before[i], u_after[i], next_u);
+            }
         }
     }
 }

@@ -1,5 +1,7 @@
 //! Creep of the pipe wall: generalised Kelvin-Voigt elements whose retarded hoop strain stores water.
 
+use std::ops::Range;
+
 use crate::model::contribution::{Implicit, LineTerm};
 use crate::model::effect::{Effect, check};
 use crate::model::error::ModelError;
@@ -120,8 +122,8 @@ impl Effect for ViscoelasticWall {
         for element in &mut elements {
             element.strain = vec![0.0; steady.head_m.len()];
         }
-        let offsets = steady.grid.segments.iter().map(|s| s.offset).collect();
-        Ok(vec![Box::new(Creep { kappas, elements, offsets })])
+        let together = steady.grid.together(|a, b| elements.iter().all(|e| e.gain[a] == e.gain[b]));
+        Ok(vec![Box::new(Creep { kappas, elements, together })])
     }
 }
 
@@ -152,7 +154,8 @@ impl Element {
 struct Creep {
     kappas: Vec<f64>,
     elements: Vec<Element>,
-    offsets: Vec<usize>,
+    /// Nodes with equal gains, and a segment that they are of.
+    together: Vec<(usize, Range<usize>)>,
 }
 
 impl LineTerm for Creep {
@@ -160,16 +163,18 @@ impl LineTerm for Creep {
         Implicit { kappa: self.kappas[segment], mu: 0.0 }
     }
 
-    fn advance(&mut self, segment: usize, h: &[f64], _u: &[f64], storage: &mut [f64], _momentum: &mut [f64]) {
-        let offset = self.offsets[segment];
-        // Elements two by two: half the passes over the heads.
-        let mut pairs = self.elements.chunks_exact_mut(2);
-        for pair in &mut pairs {
-            let [first, second] = pair else { continue };
-            creep_of_two(first.of(segment, offset, h.len()), second.of(segment, offset, h.len()), h, storage);
-        }
-        if let [last] = pairs.into_remainder() {
-            creep_of_one(last.of(segment, offset, h.len()), h, storage);
+    fn advance(&mut self, h: &[f64], _u: &[f64], storage: &mut [f64], _momentum: &mut [f64]) {
+        for (segment, nodes) in &self.together {
+            let (h, storage) = (&h[nodes.clone()], &mut storage[nodes.clone()]);
+            // Elements two by two: half the passes over the heads.
+            let mut pairs = self.elements.chunks_exact_mut(2);
+            for pair in &mut pairs {
+                let [first, second] = pair else { continue };
+                creep_of_two(first.of(*segment, nodes), second.of(*segment, nodes), h, storage);
+            }
+            if let [last] = pairs.into_remainder() {
+                creep_of_one(last.of(*segment, nodes), h, storage);
+            }
         }
     }
 }
@@ -198,7 +203,7 @@ widened! {
     }
 }
 
-/// One element's share of a segment.
+/// One element's share of nodes with equal gains.
 struct Share<'a> {
     decay: f64,
     gain: f64,
@@ -206,7 +211,7 @@ struct Share<'a> {
 }
 
 impl Element {
-    fn of(&mut self, segment: usize, offset: usize, nodes: usize) -> Share<'_> {
-        Share { decay: self.decay, gain: self.gain[segment], strain: &mut self.strain[offset..offset + nodes] }
+    fn of(&mut self, segment: usize, nodes: &Range<usize>) -> Share<'_> {
+        Share { decay: self.decay, gain: self.gain[segment], strain: &mut self.strain[nodes.clone()] }
     }
 }
