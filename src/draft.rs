@@ -351,6 +351,9 @@ fn seen_from_valve(draft: &Draft, file: &SourceFile, source: &SourceOptions) -> 
     if let Some(lead_s) = found.short_lead_s(draft.length_m) {
         return Err(format!("the record begins {} before the first rise", duration(lead_s)));
     }
+    if let Some(sensor) = found.sensors.iter().find(|s| s.lacks_front()) {
+        return Err(format!("samples of {} are missing where its front is", sensor.name));
+    }
     let arrival = |s: &&SensorFeatures| s.front_arrival_s.map_or(f64::INFINITY, |e| e.value);
     let first = found.sensors.iter().min_by(|a, b| arrival(a).total_cmp(&arrival(b))).map(|s| s.name.clone());
     let first = first.ok_or("no sensor")?;

@@ -18,10 +18,10 @@ use crate::recording::Recording;
 use crate::report::advice::quoted;
 use crate::rig::Rig;
 use crate::shown::Shown as _;
-use crate::signal::SignalError;
 use crate::signal::doubts::doubts;
 use crate::signal::faults::{examine, in_words};
 use crate::signal::window::{Passing, used};
+use crate::signal::{SensorFeatures, SignalError};
 use crate::storage::import::{Imported, LongImport, Pass, Repair, SourceOptions, unit_warnings};
 use crate::storage::together::{Together, recorded, together};
 use crate::storage::{ImportOptions, Summary, write};
@@ -202,6 +202,7 @@ impl Done {
         joined.iter().for_each(|text| tell!("{text}"));
         // What contradicts the rig is cheapest to mend here.
         let (features, faults) = examine(&used);
+        let lacks_front = features.as_ref().is_ok_and(|found| found.sensors.iter().any(SensorFeatures::lacks_front));
         let doubts = match features {
             Ok(features) => doubts(&used.rig, &features),
             // a part of a run, or the wrong one; of a few readings nobody expects a closure
@@ -228,7 +229,7 @@ impl Done {
             say!("{}: {summary}", output.shown());
             tell!("next: surgescope open {}", quoted(&output.shown()));
         }
-        Ok(if reports.iter().any(|r| r.repair.lost) { Outcome::DataLost } else { Outcome::Done })
+        Ok(if lacks_front || reports.iter().any(|r| r.repair.lost) { Outcome::DataLost } else { Outcome::Done })
     }
 }
 

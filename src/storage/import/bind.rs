@@ -7,7 +7,7 @@ use crate::recording::{Recording, RunInfo, Series};
 use crate::rig::check::ATMOSPHERE_PA;
 use crate::rig::{Rig, Sensor, SensorKind, quantity_of, spelled_unit};
 use crate::storage::error::{CsvProblem, LogError};
-use crate::storage::import::kinds::{Known, guessed, is_electric, pressure_unit};
+use crate::storage::import::kinds::{Known, guessed, is_electric, line_like, pressure_unit};
 use crate::storage::import::source::{Repair, SourceFile, SourceOptions, Track};
 use crate::storage::nearest::{listed, nearest};
 use crate::storage::sink::program;
@@ -277,9 +277,7 @@ fn converted(
             let known: Vec<&str> = UNITS.iter().filter(|u| u.quantity == quantity).map(|u| u.symbol).collect();
             let kind = sensor.kind.name();
             let name = &track.short;
-            // the ranges of a transducer, or what a number stands for
-            let line = if is_electric(&text) { "1..5 -> 0..10" } else { "FACTOR*x" };
-            let remedy = format!("'{name}={line} {}'", sensor.unit);
+            let remedy = format!("'{name}={}'", line_like(&text, sensor.unit.symbol));
             return Err(CsvProblem::WrongUnit {
                 column: track.name,
                 unit: text,

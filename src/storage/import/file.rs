@@ -10,6 +10,7 @@ use crate::storage::import::bind::{bind, check_names, require_sensors};
 use crate::storage::import::csv::comments::{comment_notes, start_in_comments};
 use crate::storage::import::csv::plain::read_strict;
 use crate::storage::import::csv::settings::START;
+use crate::storage::import::csv::strays::has_strays;
 use crate::storage::import::csv::text::text_of;
 use crate::storage::import::decode::decode_source;
 use crate::storage::import::source::{ImportOptions, Repair, SourceOptions};
@@ -91,8 +92,9 @@ pub fn import_file(
     let bytes = disk::read_file(path)?;
     let plain = alone && source.is_plain();
     let strict = plain.then(|| import_plain(&bytes, path, rig, options));
+    let has_strays = |recording: &Recording| recording.series.iter().any(|series| has_strays(&series.value));
     let refused = match strict {
-        Some(Ok(mut recording)) => {
+        Some(Ok(mut recording)) if !has_strays(&recording) => {
             let mut repairs = Vec::new();
             let mut start_digit_s = None;
             let in_comments = text_of(&bytes).ok().and_then(|text| start_in_comments(text, source));
@@ -107,12 +109,15 @@ pub fn import_file(
             if missing > 0 {
                 repairs.push(Repair::missing_times(missing));
             }
+            let sensors = recording.rig.sensors.iter().zip(&recording.series);
+            repairs.extend(sensors.filter_map(|(sensor, series)| Repair::uneven(&sensor.name, series)));
             let names: Vec<String> = rig.sensors.iter().map(|s| s.name.clone()).collect();
             let columns = names.iter().cloned().map(Some).collect();
             return Ok(Imported { recording, repairs, start_digit_s, columns, names });
         }
         Some(Err(error)) => Some(error),
-        None => None,
+        // what is no value is taken out below
+        Some(Ok(_)) | None => None,
     };
     let mut repairs = Vec::new();
     let mut start_digit_s = None;

@@ -41,7 +41,7 @@ pub use crate::storage::import::csv::stamp::zone_seconds;
 pub use crate::storage::import::csv::text::encoding_named;
 pub use crate::storage::import::decode::{decode_source, read_source};
 pub use crate::storage::import::file::{Imported, import_file};
-pub use crate::storage::import::kinds::{is_electric, is_nameless, kind_of, kind_of_name};
+pub use crate::storage::import::kinds::{is_electric, is_nameless, kind_of, kind_of_name, line_like};
 pub use crate::storage::import::long::{ImportedLong, LongImport, OnSample, Pass};
 pub use crate::storage::import::source::{
     ImportOptions, Line, MessageTime, Repair, SourceFile, SourceOptions, Start, Track,

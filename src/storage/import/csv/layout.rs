@@ -12,7 +12,7 @@ use crate::storage::import::csv::lines::Line;
 use crate::storage::import::csv::row::{Row, is_row};
 use crate::storage::import::csv::settings::{Settings, is_key};
 use crate::storage::import::kinds::{
-    is_electric, is_nameless, kind_of_name, pressure_unit, quantity_of_unit, same_unit,
+    is_above_level, is_electric, is_nameless, kind_of_name, pressure_unit, quantity_of_unit, same_unit,
 };
 use crate::storage::import::source::{NAMELESS, Repair, SourceOptions, is_place};
 
@@ -90,6 +90,13 @@ impl Column {
             None => Column { name: heading.clone(), heading, unit: None, suffix: None },
         }
     }
+}
+
+/// Whether a unit is that of a length, by which heads go.
+fn is_head(unit: &str) -> bool {
+    ["m", "cm", "mm", "ft", "in"]
+        .iter()
+        .any(|length| same_unit(unit, length) || same_unit(unit, &format!("{length}H2O")))
 }
 
 /// Whether two known units, of times or of other quantities, are not the same.
@@ -282,6 +289,7 @@ impl<'t> Layout<'t> {
         let (units, names) = (self.settings.units(width, values), self.settings.names(width, values));
         let factors = self.settings.factors(width, values);
         let is_absolute = self.settings.is_absolute();
+        let level = self.settings.level().map(str::to_owned);
         for &i in values {
             let column = &mut self.columns[i];
             if let Some((name, unit)) = self.settings.channel(&column.name) {
@@ -303,6 +311,12 @@ impl<'t> Layout<'t> {
                     column.unit.as_mut().filter(|unit| pressure_unit("", unit).is_some_and(|(_, absolute)| !absolute))
             {
                 unit.push_str(" abs");
+            }
+            // a head counts from the level that is named, a pressure does not
+            if let Some(level) = level.as_ref().or(Some(&column.heading).filter(|name| is_above_level(name)))
+                && column.unit.as_deref().is_some_and(is_head)
+            {
+                column.unit = Some(format!("m, {level}"));
             }
             factors.iter().filter(|(at, _)| *at == i).for_each(|(_, factor)| column.take_factor(factor));
             if let Some((_, name)) =

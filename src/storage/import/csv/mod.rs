@@ -28,6 +28,7 @@ pub(crate) mod scaled;
 pub(crate) mod settings;
 pub(crate) mod stamp;
 pub(crate) mod states;
+pub(crate) mod strays;
 pub(crate) mod table;
 pub(crate) mod text;
 pub(crate) mod timeless;
@@ -40,7 +41,7 @@ use crate::storage::import::csv::keyed::{Channel, Keyed};
 use crate::storage::import::csv::layout::{Column, Layout};
 use crate::storage::import::csv::lines::{Line, lines, without_receipt};
 use crate::storage::import::csv::looks::extremes;
-use crate::storage::import::csv::missing::{Spellings, take_sentinels};
+use crate::storage::import::csv::missing::Spellings;
 use crate::storage::import::csv::numbers::{Numbers, thousands};
 use crate::storage::import::csv::order::put_in_order;
 use crate::storage::import::csv::roles::roles;
@@ -48,6 +49,7 @@ use crate::storage::import::csv::row::is_row;
 use crate::storage::import::csv::rows::{Rows, Timed};
 use crate::storage::import::csv::stamp::order_shown;
 use crate::storage::import::csv::states::States;
+use crate::storage::import::csv::strays::{take_sentinels, take_unread};
 use crate::storage::import::csv::table::column_series;
 use crate::storage::import::csv::text::{check_kind, check_lines, decode};
 use crate::storage::import::source::{Repair, SourceFile, SourceOptions, Start, Track};
@@ -214,9 +216,11 @@ fn table(
         table.time_s.iter_mut().for_each(|t| *t += late_s);
         holes.iter_mut().for_each(|h| (h.gap.from_s, h.gap.to_s) = (h.gap.from_s + late_s, h.gap.to_s + late_s));
         start = start.or(own);
-        for (&i, column) in values.iter().zip(&table.columns) {
+        for (&i, column) in values.iter().zip(&mut table.columns) {
             let (name, short) = names[i].clone();
+            let unread = take_unread(column, &table.line, &name, &mut spellings);
             let series = column_series(&table.time_s, column, &holes);
+            let uneven = Repair::uneven(&name, &series);
             tracks.push((
                 i,
                 Track {
@@ -224,7 +228,7 @@ fn table(
                     short,
                     unit: layout.columns[i].unit.clone(),
                     series,
-                    repairs: Vec::new(),
+                    repairs: unread.into_iter().chain(uneven).collect(),
                     place: Some(i + 1),
                     shares: Some(&layout.columns[i].name).filter(|n| **n != names[i].1).cloned(),
                 },

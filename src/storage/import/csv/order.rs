@@ -56,7 +56,10 @@ pub(crate) fn put_in_order(table: &mut Table, repairs: &mut Vec<Repair>, local: 
                 table.line[jump.before + 1]
             );
         }
-        repairs.push(Repair::new("missing-times", missing as usize, Some(table.line[first.before]), text));
+        // more is missing than is there: a log of what changes, or of a device that could not keep up
+        let lost = missing as usize > table.time_s.len();
+        let missing = Repair::new("missing-times", missing as usize, Some(table.line[first.before]), text);
+        repairs.push(Repair { lost, ..missing });
     }
     Ok(holes)
 }
@@ -177,7 +180,7 @@ fn join_repeats(table: &mut Table, repairs: &mut Vec<Repair>) -> Result<(), CsvF
             "{} more than once with different values: the mean was taken; they differ by up to {most:.4}",
             counted(differing, "time occurs", "times occur")
         );
-        repairs.push(Repair::new("contradicting-times", differing, differing_line, text));
+        repairs.push(Repair { lost: true, ..Repair::new("contradicting-times", differing, differing_line, text) });
     }
     Ok(())
 }
