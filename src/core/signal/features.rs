@@ -91,14 +91,6 @@ pub struct SensorFeatures {
     pub damping_per_cycle: Vec<f64>,
 }
 
-impl SensorFeatures {
-    /// Whether the front may lie where samples are missing, rather than where it was found.
-    pub fn lacks_front(&self) -> bool {
-        let gap = self.missing_at_front_s.zip(self.front_arrival_s);
-        gap.is_some_and(|([from_s, _], arrival)| from_s <= arrival.value + arrival.standard_error)
-    }
-}
-
 /// A peak or a trough.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Extremum {

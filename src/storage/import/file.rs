@@ -6,7 +6,7 @@ use crate::recording::{Recording, RunInfo};
 use crate::rig::{Rig, SensorKind};
 use crate::storage::disk;
 use crate::storage::error::{CsvProblem, LogError};
-use crate::storage::import::bind::{bind, check_names, require_sensors};
+use crate::storage::import::bind::{Bound, bind, check_names, require_sensors};
 use crate::storage::import::csv::comments::{comment_notes, start_in_comments};
 use crate::storage::import::csv::plain::read_strict;
 use crate::storage::import::csv::settings::START;
@@ -73,6 +73,8 @@ pub struct Imported {
     pub start_digit_s: Option<f64>,
     /// The column, channel or field of each sensor, where it has one.
     pub columns: Vec<Option<String>>,
+    /// Of each sensor, whether somebody said what its numbers stand for.
+    pub scaled: Vec<bool>,
     /// All columns, channels or fields.
     pub names: Vec<String>,
 }
@@ -113,7 +115,8 @@ pub fn import_file(
             repairs.extend(sensors.filter_map(|(sensor, series)| Repair::uneven(&sensor.name, series)));
             let names: Vec<String> = rig.sensors.iter().map(|s| s.name.clone()).collect();
             let columns = names.iter().cloned().map(Some).collect();
-            return Ok(Imported { recording, repairs, start_digit_s, columns, names });
+            let scaled = vec![false; rig.sensors.len()];
+            return Ok(Imported { recording, repairs, start_digit_s, columns, scaled, names });
         }
         Some(Err(error)) => Some(error),
         // what is no value is taken out below
@@ -128,28 +131,28 @@ pub fn import_file(
             check_names(&file, path, Some(rig), source)?;
         }
         let names: Vec<String> = file.tracks.iter().map(|track| track.name.clone()).collect();
-        let (recording, columns) = bind(file, path, rig, source, &mut repairs)?;
+        let bound = bind(file, path, rig, source, &mut repairs)?;
         if alone {
             let mut without = options.without.clone();
             if source.guess {
-                without.extend(not_recorded(&recording, &mut repairs));
+                without.extend(not_recorded(&bound.recording, &mut repairs));
             }
-            require_sensors(&[&recording], rig, &without, &names)?;
+            require_sensors(&[&bound.recording], rig, &without, &names)?;
         }
         if let Some(guess) = repairs.iter().find(|repair| repair.guessed && !source.guess) {
             let why = format!("the file does not say that {}", guess.text);
             return Err(LogError::SourceFile { path: path.into(), why });
         }
-        Ok((recording, columns, names))
+        Ok((bound, names))
     });
     match (read, refused) {
-        (Ok((mut recording, columns, names)), _) => {
+        (Ok((Bound { mut recording, columns, scaled }, names)), _) => {
             if options.start_unix_ns > 0 {
                 recording.run.start_unix_ns = options.start_unix_ns;
                 start_digit_s = None;
                 repairs.retain(|m| m.what != START);
             }
-            Ok(Imported { recording, repairs, start_digit_s, columns, names })
+            Ok(Imported { recording, repairs, start_digit_s, columns, scaled, names })
         }
         // of a file that is plain but for one thing, that one thing
         (Err(error), Some(refused)) if is_plain(&bytes) && !says_more(&error) && !tolerated(&refused, source) => {

@@ -35,7 +35,7 @@ pub(crate) mod tdms;
 pub(crate) mod understood;
 pub(crate) mod unit_warnings;
 
-pub use crate::storage::import::bind::{bind, check_names, require_sensors};
+pub use crate::storage::import::bind::{Bound, bind, check_names, require_sensors};
 pub use crate::storage::import::csv::heading::{time_symbol, time_unit};
 pub use crate::storage::import::csv::stamp::zone_seconds;
 pub use crate::storage::import::csv::text::encoding_named;

@@ -162,7 +162,7 @@ impl Clock {
                 to_s(ns - *self.first_ns.get_or_insert(ns))
             }
             Form::Stamps => to_s(self.stamped(row, numbers)?),
-            Form::Counted(interval_s) => self.counted(row, numbers, interval_s)?,
+            Form::Counted { interval_s, wraps_at } => self.counted(row, numbers, interval_s, wraps_at)?,
         };
         let time_s = self.in_segment(time_s);
         to_ns(time_s).map(|_| time_s).ok_or_else(|| CsvProblem::TimeOutOfRange(self.cell(row).into()))
@@ -197,10 +197,18 @@ impl Clock {
 
     /// Counts on where a counter of four bytes begins anew.
     fn unwrapped(&mut self, value: f64) -> f64 {
-        if self.last_count - value > 0.5 * FOUR_BYTES && self.last_count < FOUR_BYTES {
-            self.added_counts += FOUR_BYTES;
-            let text = format!("'{}' begins anew at {value}, as a counter of 32 bits does: the times go on", self.name);
-            self.repairs.push(Repair::new("counter-wrap", 1, None, text));
+        let wraps = self.last_count - value > 0.5 * FOUR_BYTES && self.last_count < FOUR_BYTES;
+        self.counted_on(value, wraps.then_some(FOUR_BYTES))
+    }
+
+    /// Counts on where a counter begins anew at some count.
+    fn counted_on(&mut self, value: f64, wraps_at: Option<f64>) -> f64 {
+        if let Some(wraps_at) = wraps_at {
+            if self.added_counts == 0.0 {
+                let text = format!("'{}' counts to {} and begins anew: the times go on", self.name, wraps_at - 1.0);
+                self.repairs.push(Repair::new("counter-wrap", 1, None, text));
+            }
+            self.added_counts += wraps_at;
         }
         self.last_count = value;
         value + self.added_counts
@@ -260,7 +268,13 @@ impl Clock {
 
     /// The time of a counted sample. Where there are date-times beside it, too coarse for its rate, a pause in them is one in the samples, and a rate
     /// that contradicts them is refused.
-    fn counted(&mut self, row: &Row<'_>, numbers: &mut Numbers, interval_s: f64) -> Result<f64, CsvProblem> {
+    fn counted(
+        &mut self,
+        row: &Row<'_>,
+        numbers: &mut Numbers,
+        interval_s: f64,
+        wraps_at: Option<f64>,
+    ) -> Result<f64, CsvProblem> {
         let place = self.rows as f64;
         self.rows += 1;
         let per_s = 1.0 / interval_s;
@@ -287,7 +301,10 @@ impl Clock {
                 }
                 Ok(time_s)
             }
-            Some(_) => Ok(after(self.number(row, numbers)?)),
+            Some(_) => {
+                let count = self.number(row, numbers)?;
+                Ok(after(self.counted_on(count, wraps_at.filter(|_| count < self.last_count))))
+            }
         }
     }
 
@@ -321,7 +338,7 @@ impl Clock {
             }
             Form::Numbers(_) if name != "time_s" => ("time-column", format!("the times are in '{name}', in seconds")),
             Form::Numbers(_) | Form::Days => return repairs,
-            Form::Counted(_) if !self.has_date => return repairs,
+            Form::Counted { .. } if !self.has_date => return repairs,
             Form::Since1970(_) => ("date-times", format!("'{name}' counts from 1970; time 0 is the first time")),
             _ if self.columns.date.is_some() => (
                 "date-times",

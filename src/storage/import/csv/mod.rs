@@ -49,7 +49,7 @@ use crate::storage::import::csv::row::is_row;
 use crate::storage::import::csv::rows::{Rows, Timed};
 use crate::storage::import::csv::stamp::order_shown;
 use crate::storage::import::csv::states::States;
-use crate::storage::import::csv::strays::{take_sentinels, take_unread};
+use crate::storage::import::csv::strays::{take_sentinels, take_signs, take_unread};
 use crate::storage::import::csv::table::column_series;
 use crate::storage::import::csv::text::{check_kind, check_lines, decode};
 use crate::storage::import::source::{Repair, SourceFile, SourceOptions, Start, Track};
@@ -196,7 +196,8 @@ fn table(
         repairs.extend(clock.repairs());
         repairs.extend(timeless.repair(table.time_s.len())?);
         let first_s = table.time_s[0];
-        for column in &mut table.columns {
+        for (column, &i) in table.columns.iter_mut().zip(&values) {
+            repairs.extend(take_signs(column, &names[i].0));
             take_sentinels(column, &table.line, &mut spellings);
         }
         let mut holes = put_in_order(&mut table, &mut repairs, clock.is_local())?;

@@ -56,8 +56,8 @@ pub(crate) fn put_in_order(table: &mut Table, repairs: &mut Vec<Repair>, local: 
                 table.line[jump.before + 1]
             );
         }
-        // more is missing than is there: a log of what changes, or of a device that could not keep up
-        let lost = missing as usize > table.time_s.len();
+        // more is missing than is there, here and there: a log of what changes, or of a device that could not keep up
+        let lost = holes.len() > 1 && missing as usize > table.time_s.len();
         let missing = Repair::new("missing-times", missing as usize, Some(table.line[first.before]), text);
         repairs.push(Repair { lost, ..missing });
     }

@@ -26,6 +26,9 @@ const LONGEST_STEP_S: f64 = 60.0;
 const OTHER_UNIT: f64 = 5.0;
 /// A clock that runs for fewer of its digits says nothing of its unit.
 const LEAST_DIGITS: f64 = 2.0;
+/// Counters of one, two, three and four bytes, and of a few decimal digits, begin anew at these, and come near to them before.
+const COUNTERS_WRAP: [f64; 8] = [100.0, 256.0, 1e3, 1e4, 65_536.0, 1e6, 16_777_216.0, 4_294_967_296.0];
+const LAST_BEFORE: f64 = 0.9;
 /// Times since 1970 lie between 2001 and 2100, s.
 const SINCE_1970_S: [f64; 2] = [1e9, 4.1e9];
 
@@ -40,8 +43,13 @@ pub(crate) enum Form {
     Days,
     /// Date-times, dates and times of the day in two columns, or times of the day.
     Stamps,
-    /// One sample after the other, this many seconds apart.
-    Counted(f64),
+    /// One sample after the other.
+    Counted {
+        /// Time from one to the next, s.
+        interval_s: f64,
+        /// Where the column that counts them begins anew at 0, if it does.
+        wraps_at: Option<f64>,
+    },
 }
 
 /// Columns that give times, and those whose values they give them for.
@@ -380,19 +388,28 @@ impl Finder<'_, '_> {
         let rate = significant(1.0 / interval_s, 6);
         let by = said.map_or(String::new(), |said| format!(", as {said} says"));
         // a counter counts what is missing, too
-        let counts = |&i: &usize| {
-            let steps = || self.values(i).windows(2).map(|w| w[1] - w[0]);
+        let counts = |i: usize| {
+            let values = self.values(i);
+            let most = values.iter().copied().fold(0.0, f64::max);
+            let falls = values.windows(2).any(|w| w[1] < w[0]);
+            let wraps_at =
+                COUNTERS_WRAP.into_iter().find(|wrap| most < *wrap && most > LAST_BEFORE * wrap).filter(|_| falls);
+            let steps =
+                || values.windows(2).map(|w| w[1] - w[0]).map(|s| wraps_at.map_or(s, |wrap| s.rem_euclid(wrap)));
             let ones = steps().filter(|step| *step == 1.0).count();
             let whole = steps().all(|step| step >= 1.0 && step.fract() == 0.0);
-            whole && 20 * ones >= 19 * steps().count() && ones > 0 && !self.is_quantity(i)
+            let is_counter = whole && 20 * ones >= 19 * steps().count() && ones > 0 && !self.is_quantity(i);
+            is_counter.then_some((i, wraps_at))
         };
-        let counter = self.numbers().find(counts).filter(|_| host.is_none());
+        let counter = self.numbers().find_map(counts).filter(|_| host.is_none());
+        let wraps_at = counter.and_then(|(_, wraps_at)| wraps_at);
+        let counter = counter.map(|(i, _)| i);
         let text = match counter {
             Some(i) => format!("'{}' counts samples, {rate} a second{by}", self.column(i).heading),
             None => format!("each line is a sample, {rate} a second{by}"),
         };
         repairs.push(Repair::new("time-counter", 1, None, text));
-        let form = Form::Counted(interval_s);
+        let form = Form::Counted { interval_s, wraps_at };
         match host {
             Some(host) => Clock { form, ..host.clone() },
             None => Clock { time: counter, form, date: None, fraction: None, values: Vec::new(), host: None },

@@ -1,5 +1,7 @@
 //! Numbers that are no values: those that stand for none, readings that fell out, and readings that stand still.
 
+use std::collections::BTreeSet;
+
 use crate::storage::import::csv::missing::{Spellings, missing};
 use crate::storage::import::source::{Repair, counted};
 
@@ -11,6 +13,26 @@ const ABOVE_ALL: f64 = 1e30;
 const FAR: f64 = 10.0;
 /// Values from which the spread of the rest is known.
 const ENOUGH: usize = 20;
+
+/// Whole numbers of two, three and four bytes.
+const WORDS: [f64; 3] = [65_536.0, 16_777_216.0, 4_294_967_296.0];
+
+/// Gives numbers their sign back that were written without it: whole ones that jump between the two ends of a word, and are never near its middle.
+pub(crate) fn take_signs(values: &mut [f64], name: &str) -> Option<Repair> {
+    let read = || values.iter().copied().filter(|v| !v.is_nan());
+    let most = read().fold(0.0, f64::max);
+    let word = WORDS.into_iter().find(|word| most < *word && most >= 0.75 * word)?;
+    let fits = read().all(|v| v >= 0.0 && v.fract() == 0.0 && !(0.25 * word..0.75 * word).contains(&v));
+    let is_negative = |v: f64| v >= 0.75 * word;
+    // the last count of a word alone stands for no value
+    let negative: BTreeSet<u64> = read().filter(|v| is_negative(*v)).map(|v| v as u64).collect();
+    if !fits || negative.len() < FEW || read().all(is_negative) {
+        return None;
+    }
+    values.iter_mut().filter(|v| is_negative(**v)).for_each(|v| *v -= word);
+    let text = format!("the numbers of '{name}' from {} on are negative ones, written without their sign", 0.75 * word);
+    Some(Repair::guess("sign", text))
+}
 
 /// Takes readings out of a column that are none: those that fell out, and those that only repeat the one before.
 pub(crate) fn take_unread(
@@ -144,31 +166,33 @@ const NOT_BY_CHANCE: f64 = 14.0;
 /// Noise turns back as often, of all its steps; what moves without noise does not.
 const TURNS_BACK: f64 = 0.15;
 
-/// Takes a reading out but for its first value where it stands still for longer than chance makes it, while the sensor's noise goes on before it and
-/// after it. What is cut off at the end of a range is none of these.
+/// Takes a reading out but for its first value where it stands still for longer than chance makes it: it moves before and after, and with noise on one
+/// side. What is cut off at the end of a range is none of these.
 fn take_held(values: &mut [f64], lines: &[usize], name: &str) -> Option<Repair> {
     let places: Vec<usize> = (0..values.len()).filter(|&i| !values[i].is_nan()).collect();
     let read: Vec<f64> = places.iter().map(|&i| values[i]).collect();
     let (low, high) = read.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), &v| (l.min(v), h.max(v)));
-    let noise = |part: &[f64]| {
+    // the share of equal neighbours, and whether the steps turn back as noise does
+    let moves = |part: &[f64]| {
         let steps: Vec<f64> = part.windows(2).map(|w| w[1] - w[0]).collect();
         let turns = steps.windows(2).filter(|w| w[0] * w[1] < 0.0).count();
         let equal = steps.iter().filter(|s| **s == 0.0).count();
-        (turns as f64 > TURNS_BACK * steps.len() as f64).then(|| (equal as f64 + 0.5) / (steps.len() as f64 + 1.0))
+        ((equal as f64 + 0.5) / (steps.len() as f64 + 1.0), turns as f64 > TURNS_BACK * steps.len() as f64)
+    };
+    let stands_still = |from: usize, to: usize| {
+        let reach = (to - from).max(LEAST_HELD);
+        let before = from.checked_sub(LEAST_HELD).map(|_| moves(&read[from.saturating_sub(reach)..from]));
+        let after = read.get(to..to + LEAST_HELD).map(|_| moves(&read[to..read.len().min(to + reach)]));
+        before.zip(after).is_some_and(|((one, is_noise), (other, is_noise_after))| {
+            let against = (to - from - 1) as f64 * -one.max(other).ln();
+            (is_noise || is_noise_after) && against > (read.len() as f64).ln() + NOT_BY_CHANCE
+        })
     };
     let mut held = Vec::new();
     let mut from = 0;
     for run in read.chunk_by(|a, b| a == b) {
         let to = from + run.len();
-        let reach = run.len().max(LEAST_HELD);
-        let sides = [
-            from.checked_sub(LEAST_HELD).map(|_| &read[from.saturating_sub(reach)..from]),
-            read.get(to..to + LEAST_HELD).map(|_| &read[to..read.len().min(to + reach)]),
-        ];
-        let share =
-            sides.into_iter().map(|side| side.and_then(noise)).try_fold(0.0, |most: f64, share| Some(most.max(share?)));
-        let by_chance = |share: f64| (run.len() - 1) as f64 * -share.ln() < (read.len() as f64).ln() + NOT_BY_CHANCE;
-        if run.len() >= LEAST_HELD && low < run[0] && run[0] < high && share.is_some_and(|share| !by_chance(share)) {
+        if run.len() >= LEAST_HELD && low < run[0] && run[0] < high && stands_still(from, to) {
             held.push((from, to));
         }
         from = to;
@@ -176,7 +200,7 @@ fn take_held(values: &mut [f64], lines: &[usize], name: &str) -> Option<Repair> 
     let &(first, _) = held.first()?;
     let count = held.iter().map(|(from, to)| to - from - 1).sum();
     let text = format!(
-        "'{name}' stands still at {}, while its noise goes on before and after: {} recorded as a gap",
+        "'{name}' stands still at {}, while it moves and its noise goes on around that: {} recorded as a gap",
         read[first],
         counted(count, "value that repeats the one before is", "values that repeat the one before are")
     );
