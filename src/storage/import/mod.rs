@@ -8,6 +8,7 @@
 //! | `tdms/` | NI TDMS |
 //! | `mcap/` | MCAP of other programs: JSON and protobuf messages |
 //! | `arrays/` | MAT files and HDF5, by way of text |
+//! | `json` | records and columns in JSON, by way of text |
 //! | `sheet` | workbooks of Excel and LibreOffice, by way of text |
 //! | `tables` | the tables of such files: texts become one source |
 //! | `kinds` | what a column measures, by its name and unit |
@@ -25,6 +26,7 @@ pub(crate) mod csv;
 pub(crate) mod decode;
 pub(crate) mod file;
 pub(crate) mod gaps;
+pub(crate) mod json;
 pub(crate) mod kinds;
 pub(crate) mod long;
 pub(crate) mod mcap;

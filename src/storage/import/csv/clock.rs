@@ -30,6 +30,8 @@ pub(crate) struct Clock {
     name: String,
     date_name: Option<String>,
     order: Order,
+    /// Digits of fractions that no zeros fill up.
+    unpadded: Option<usize>,
     zone_s: i32,
     zone_assumed: bool,
     repairs: Vec<Repair>,
@@ -58,14 +60,14 @@ pub(crate) struct Clock {
 }
 
 impl Clock {
-    /// The clock of some columns of a table; `shown` are cells of date-times, which may tell the order of day and month.
+    /// The clock of some columns of a table; `shown` are the cells of a column, which may tell how date-times are written.
     ///
     /// # Errors
     /// A date that may be two, and nothing shows which.
-    pub(crate) fn new<'c>(
+    pub(crate) fn new<'c, I: Iterator<Item = &'c str>>(
         columns: Columns,
         table: &[Column],
-        shown: impl Fn(usize) -> Option<&'c str>,
+        shown: impl Fn(usize) -> I,
         all_dates: impl Fn(usize) -> Option<Order>,
         options: &SourceOptions,
     ) -> Result<Clock, CsvProblem> {
@@ -73,7 +75,7 @@ impl Clock {
         let date = columns.date.or(columns.host).or(columns.time.filter(|_| columns.form == Form::Stamps));
         let mut repairs = Vec::new();
         let mut order = options.order();
-        if let Some((column, cell)) = date.and_then(|column| Some((column, shown(column)?)))
+        if let Some((column, cell)) = date.and_then(|column| Some((column, shown(column).next()?)))
             && order == Order::Unknown
         {
             order = stamp::order_shown(cell).or_else(|| all_dates(column)).unwrap_or(Order::Unknown);
@@ -92,6 +94,7 @@ impl Clock {
         let zone_s = options.zone_s.or(zone);
         Ok(Clock {
             date_name: columns.date.map(|i| table[i].heading.clone()),
+            unpadded: columns.time.and_then(|i| Stamp::unpadded(shown(i))),
             columns,
             name,
             order,
@@ -215,7 +218,8 @@ impl Clock {
     }
 
     fn stamp(&self, row: &Row<'_>, column: usize) -> Option<Stamp> {
-        let stamp = Stamp::parse(row.get(column)?, self.order)?;
+        let unpadded = self.unpadded.filter(|_| self.columns.time == Some(column));
+        let stamp = Stamp::parse(row.get(column)?, self.order)?.with_fraction(unpadded)?;
         match self.columns.date.filter(|date| *date != column) {
             Some(date) if !stamp.has_date => Some(Stamp::parse(row.get(date)?, self.order)?.joined(stamp)),
             _ => Some(stamp),
@@ -229,6 +233,12 @@ impl Clock {
         // a date alone is no time among date-times
         if self.first_ns.is_some() && stamp.has_date != self.has_date {
             return Err(bad());
+        }
+        if stamp.is_buddhist && self.first_ns.is_none() {
+            let year = stamp.date().format("%Y");
+            let text =
+                format!("the years of '{}' count from the Buddha, as in Thailand: the first is {year}", self.name);
+            self.repairs.push(Repair::new("era", 1, None, text));
         }
         self.has_date = stamp.has_date;
         self.zone_assumed &= stamp.zone_s.is_none();

@@ -169,7 +169,7 @@ fn table(
     };
     let mut timed = Vec::new();
     for columns in &found.clocks {
-        let shown = |i: usize| layout.column(i).find(|c| !c.is_empty());
+        let shown = |i: usize| layout.column(i).filter(|c| !c.is_empty());
         // one date with a number above 12 shows the order of all
         let all_dates = |i: usize| {
             all[layout.first..].iter().find_map(|l| order_shown(layout::cells(l.text, layout.separator).get(i)?))

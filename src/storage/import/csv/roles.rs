@@ -10,7 +10,7 @@ use crate::storage::import::csv::layout::{Column, Layout};
 use crate::storage::import::csv::looks::{EVEN, Looks, median_step, take_unit_columns};
 use crate::storage::import::csv::stamp::Stamp;
 use crate::storage::import::kinds::{is_electric, is_unit, kind_of_name};
-use crate::storage::import::source::{Repair, SourceOptions};
+use crate::storage::import::source::{NAMELESS, Repair, SourceOptions};
 use crate::storage::nearest::listed;
 
 /// A logger of water hammer takes so many samples a second, and runs no longer than so many seconds.
@@ -175,6 +175,12 @@ impl Finder<'_, '_> {
             .collect();
         let host = self.stamps_clock(&stamps);
         let fraction = host.as_ref().and_then(|clock| clock.fraction.map(|(column, _)| column));
+        if let Some(column) = fraction.filter(|i| self.fraction_unit(*i).is_none()) {
+            let heading = &self.column(column).heading;
+            let name = if heading.is_empty() { format!("{NAMELESS}{}", column + 1) } else { heading.clone() };
+            let text = format!("'{name}' counts parts of the second of the time before it");
+            repairs.push(Repair::guess("fraction", text));
+        }
         // what is called a time is one, in whatever order its rows stand
         let changes = |i: usize| self.values(i).windows(2).any(|w| w[0] != w[1]) || self.values(i).len() < 2;
         let is_time = |i: usize| changes(i) && (is_time_name(&self.column(i).name) || rises(self.values(i)));
@@ -236,11 +242,24 @@ impl Finder<'_, '_> {
             .filter(|_| !has_date);
         let fraction = stamp(time).filter(|s| s.has_time).and_then(|_| {
             let right = (time + 1..self.looks.len()).find(|&i| self.looks[i] != Looks::Empty)?;
-            let unit_s = self.fraction_unit(right)?;
+            let unit_s = self.fraction_unit(right).or_else(|| self.counts_within(right, time))?;
             let fits = self.values(right).iter().all(|v| (0.0..1.0).contains(&(v * unit_s)));
             (fits && self.begins_anew(right, time)).then_some((right, unit_s))
         });
         Some(Clock { time: Some(time), form: Form::Stamps, date, fraction, values: Vec::new(), host: None })
+    }
+
+    /// Seconds of the unit of a column that nothing names, if it counts thousandths or millionths: it falls where the second changes, and nowhere else.
+    fn counts_within(&self, part: usize, time: usize) -> Option<f64> {
+        let most = self.values(part).iter().copied().fold(0.0, f64::max);
+        let unit_s = [1e-3, 1e-6].into_iter().find(|unit_s| (0.5..1.0).contains(&(most * unit_s)))?;
+        let whole = self.values(part).iter().all(|v| v.fract() == 0.0 && *v >= 0.0);
+        let rows: Vec<(&str, f64)> =
+            self.layout.column(time).zip(self.layout.column(part)).map(|(t, p)| (t, Cell::of(p).value())).collect();
+        let changes = rows.windows(2).filter(|w| w[0].0 != w[1].0).count();
+        // the rows that are judged are those at both ends of the table
+        let odd = rows.windows(2).filter(|w| (w[0].0 != w[1].0) != (w[1].1 < w[0].1)).count();
+        (whole && changes > 0 && odd <= changes / 3 && !self.is_quantity(part)).then_some(unit_s)
     }
 
     /// Parts of a second fall where the second changes; what only rises across is a clock of its own.
@@ -495,7 +514,18 @@ impl Finder<'_, '_> {
         let factored = named(&|i| is_time(i) && self.is_factored(i));
         let times = named(&|i| is_time(i) && !self.is_factored(i));
         let counter = named(&|i| !self.column(i).name.is_empty() && is_counter_name(&self.column(i).name));
+        // what is called a time, or has colons in it, and is not understood
+        let unread =
+            (0..self.looks.len()).filter(|&i| self.looks[i] == Looks::Words && !self.is_ignored(i)).find_map(|i| {
+                let cell = self.layout.column(i).find(|c| !c.is_empty())?;
+                let is_clock = cell.starts_with(|c: char| c.is_ascii_digit()) && cell.matches(':').count() > 1;
+                (is_clock || is_time_name(&self.column(i).name))
+                    .then(|| (self.column(i).heading.clone(), cell.to_owned()))
+            });
         let text = match (&times, counter) {
+            (None, _) if let Some((name, cell)) = unread => {
+                return CsvProblem::TimesUnread { column: name, cell };
+            }
             (None, _) if let Some(name) = &factored => format!(
                 " that can be read: nobody can tell which way the factor in '{name}' is meant; write a unit alone in the heading, or give the rate of the samples with option `rate`"
             ),

@@ -229,7 +229,8 @@ fn take_repeats(values: &mut [f64], name: &str) -> Option<Repair> {
         "'{name}' was read more slowly than the table was written, its values come {usual} times each: the first of each is taken"
     );
     repeats.iter().for_each(|&i| values[i] = f64::NAN);
-    Some(Repair::new("repeats", repeats.len(), None, text))
+    // what happened in between, nobody knows
+    Some(Repair { lost: true, ..Repair::new("repeats", repeats.len(), None, text) })
 }
 
 #[cfg(test)]
