@@ -173,6 +173,7 @@ fn a_workbench_refuses_what_it_cannot_open() {
         (&["gone.csv"], "gone.csv does not exist"),
         (&["true.toml", "true.mcap"], "not a mixture of them"),
         (&["log.csv", "true.mcap"], "not a mixture of them"),
+        (&["log.csv", "more.csv"], "`surgescope import log.csv more.csv --rig rig.toml` joins them"),
     ] {
         let (code, _, said) = within(&folder, &[&["open", "--no-browser"], files].concat());
         assert!(code == 2 && said.contains(words), "{said}");

@@ -7,19 +7,14 @@ use crate::storage::import::csv::heading::{
     heading_unit, is_counter_name, is_factored, is_time_name, time_unit, unit_of_name,
 };
 use crate::storage::import::csv::layout::{Column, Layout};
-use crate::storage::import::csv::looks::{EVEN, Looks, median_step, take_unit_columns};
+use crate::storage::import::csv::looks::{
+    EVEN, Looks, UNITS, distinct, likely_units, median_step, repeats, rises, take_unit_columns,
+};
 use crate::storage::import::csv::stamp::Stamp;
 use crate::storage::import::kinds::{is_electric, is_unit, kind_of_name};
 use crate::storage::import::source::{NAMELESS, Repair, SourceOptions};
 use crate::storage::nearest::listed;
 
-/// A logger of water hammer takes so many samples a second, and runs no longer than so many seconds.
-const RATES_HZ: [f64; 2] = [50.0, 2e5];
-const LASTS_S: f64 = 7200.0;
-/// Samples of a period `4L/a` at least.
-const LEAST_A_PERIOD: f64 = 20.0;
-/// Units that a time without one may have: name and seconds.
-const UNITS: [(&str, f64); 6] = [("s", 1.0), ("ms", 1e-3), ("d", 86_400.0), ("us", 1e-6), ("min", 60.0), ("ns", 1e-9)];
 /// No logger of a test waits longer between two samples, s.
 const LONGEST_STEP_S: f64 = 60.0;
 /// Two clocks whose lengths differ by this factor are in two units: the nearest two of time are 24 apart.
@@ -578,37 +573,4 @@ impl Finder<'_, '_> {
         }
         counters
     }
-}
-
-/// The units in which times are those of a water-hammer test, the likeliest first.
-fn likely_units(values: &[f64], period_s: Option<f64>) -> Vec<&'static str> {
-    let (Some(first), Some(last)) = (values.first(), values.last()) else { return Vec::new() };
-    let Some(step) = median_step(values) else { return Vec::new() };
-    let lasts_s = |unit_s: f64| (last - first) * unit_s;
-    let fits = |unit_s: f64| {
-        let rate_hz = 1.0 / (step * unit_s);
-        let usual = (RATES_HZ[0]..=RATES_HZ[1]).contains(&rate_hz) && lasts_s(unit_s) <= LASTS_S;
-        usual && period_s.is_none_or(|p| rate_hz * p > LEAST_A_PERIOD)
-    };
-    let mut likely: Vec<(&str, f64)> = UNITS.iter().copied().filter(|(_, unit_s)| fits(*unit_s)).collect();
-    if likely.len() > 1 {
-        // a test is longer than a period
-        likely.retain(|(_, unit_s)| period_s.is_none_or(|p| lasts_s(*unit_s) > p));
-    }
-    likely.into_iter().map(|(name, _)| name).collect()
-}
-
-/// Never falls, but for a few lines out of place, and does rise.
-fn rises(values: &[f64]) -> bool {
-    let falls = values.windows(2).filter(|w| w[1] < w[0]).count();
-    20 * falls <= values.len() && values.windows(2).any(|w| w[1] > w[0]) || values.len() < 2
-}
-
-fn distinct(values: &[f64]) -> usize {
-    1 + values.windows(2).filter(|w| w[0] != w[1]).count()
-}
-
-/// More than a few times stand twice.
-fn repeats(values: &[f64]) -> bool {
-    5 * (values.len() - distinct(values).min(values.len())) > values.len()
 }
