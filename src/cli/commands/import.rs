@@ -20,7 +20,7 @@ use crate::report::advice::quoted;
 use crate::rig::Rig;
 use crate::shown::Shown as _;
 use crate::signal::doubts::doubts;
-use crate::signal::faults::{examine, in_words};
+use crate::signal::faults::{Fault, SensorFault, examine, in_words};
 use crate::signal::window::{Passing, used};
 use crate::signal::{Features, SignalError};
 use crate::storage::import::{Imported, LongImport, Pass, Repair, SourceOptions, unit_warnings};
@@ -215,7 +215,9 @@ impl Done {
             return Err(format!("{}: {text}", args.files[0].shown()).into());
         }
         let lacks = |found: &Features| found.sensors.iter().any(|s| s.missing_at_front_s.is_some());
-        let lacks_front = features.as_ref().is_ok_and(lacks);
+        // what a sensor did not show, or cut off, is lost as well
+        let is_cut = |fault: &SensorFault| matches!(fault.fault, Fault::Stuck | Fault::Clipped);
+        let is_lost = features.as_ref().is_ok_and(lacks) || faults.iter().any(is_cut);
         let doubts = match features {
             Ok(features) => doubts(&used.rig, &features),
             // a part of a run, or the wrong one; of a few readings nobody expects a closure
@@ -242,7 +244,7 @@ impl Done {
             say!("{}: {summary}", output.shown());
             tell!("next: surgescope open {}", quoted(&output.shown()));
         }
-        Ok(if lacks_front || reports.iter().any(|r| r.repair.lost) { Outcome::DataLost } else { Outcome::Done })
+        Ok(if is_lost || reports.iter().any(|r| r.repair.lost) { Outcome::DataLost } else { Outcome::Done })
     }
 }
 

@@ -123,8 +123,9 @@ pub fn line_like(unit: &str, target: &str) -> String {
 pub(crate) fn same_unit(a: &str, b: &str) -> bool {
     let quantities = [Quantity::Flow, Quantity::Temperature, Quantity::Ratio];
     let of = |text: &str| {
-        let pressure = pressure_unit("", text);
-        pressure.or_else(|| quantities.iter().find_map(|q| spelled_unit(text, *q)).map(|unit| (unit, false)))
+        let other = || quantities.iter().find_map(|q| spelled_unit(text, *q)).map(|unit| (unit, false));
+        // the density of what a metre is of is not known here
+        pressure_unit("", text).or_else(other).map(|(unit, is_absolute)| (unit.symbol, is_absolute))
     };
     a.eq_ignore_ascii_case(b) || (is_electric(a) && is_electric(b)) || of(a).is_some_and(|unit| of(b) == Some(unit))
 }

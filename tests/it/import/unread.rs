@@ -186,6 +186,39 @@ fn heads_above_the_sea_are_asked_for() {
     holds_the_rest(&bench, |_| false);
 }
 
+/// Sparks on the line, each of its own height; a peak as high as all the rest is a reading.
+#[test]
+fn single_readings_far_outside_of_their_neighbours_are_gaps() {
+    let sparks = [(200, 60.25), (503, -41.5), (900, 77.0)];
+    let bench = bench();
+    let row = |i: usize, p: f64| {
+        let spark = sparks.iter().find(|(at, _)| *at == i).map(|(_, value)| *value);
+        format!("{},{:.4}", i as f64 * 1e-3, spark.unwrap_or(if i == 1000 { p + 5.0 } else { p }))
+    };
+    bench.put("run.csv", table("time_s,P1\n", row));
+    let (document, _) = bench.import(3, &["run.csv"]);
+    assert_eq!(mended(&document, "missing-values")["count"], 3);
+    let series = &bench.recording().series[0];
+    assert_eq!((series.value.len(), series.gaps.len()), (ROWS - 3, 3));
+    assert!((series.value.iter().copied().fold(0.0, f64::max) - pressure_bar(1000) - 5.0).abs() < 1e-4);
+}
+
+/// From the last line to the first, and the same channel filtered beside.
+#[test]
+fn lines_are_turned_around_and_a_filtered_channel_is_left_out() {
+    let bench = bench();
+    let rows: String = (0..ROWS).rev().map(|i| format!("{},{:.4}\n", i as f64 * 1e-3, pressure_bar(i))).collect();
+    bench.put("run.csv", format!("time_s,P1\n{rows}"));
+    let (document, _) = bench.import(0, &["run.csv"]);
+    assert_eq!(mended(&document, "reversed")["count"], 1);
+    holds_the_rest(&bench, |_| false);
+    let row = |i: usize, p: f64| format!("{},{p:.4},{:.4}", i as f64 * 1e-3, 0.5 * (p + pressure_bar(i.max(50) - 50)));
+    bench.put("run.csv", table("Time (s),P1 raw (bar),P1 filtered (bar)\n", row));
+    let (document, _) = bench.import(3, &["run.csv", "--yes"]);
+    assert!(mended(&document, "extremes")["text"].as_str().unwrap().contains("P1 filtered"));
+    holds_the_rest(&bench, |_| false);
+}
+
 /// With a rig that is there as with one that is made: what cannot be is not taken, unless somebody says what it stands for.
 #[test]
 fn readings_that_cannot_be_are_refused_until_somebody_says_what_they_stand_for() {

@@ -92,11 +92,9 @@ impl Column {
     }
 }
 
-/// Whether a unit is that of a length, by which heads go.
+/// Whether a unit is a length, in which heads are given; a water column is a pressure.
 fn is_head(unit: &str) -> bool {
-    ["m", "cm", "mm", "ft", "in"]
-        .iter()
-        .any(|length| same_unit(unit, length) || same_unit(unit, &format!("{length}H2O")))
+    ["m", "cm", "mm", "ft", "in"].contains(&unit.to_lowercase().as_str())
 }
 
 /// Whether two known units, of times or of other quantities, are not the same.
@@ -324,7 +322,8 @@ impl<'t> Layout<'t> {
             if let Some((_, name)) =
                 names.iter().find(|(at, _)| *at == i).filter(|_| column.name.is_empty() || is_nameless(&column.name))
             {
-                *column = Column { unit: column.unit.take(), ..Column::of(name) };
+                let named = Column::of(name);
+                *column = Column { unit: column.unit.take().or(named.unit.clone()), ..named };
             }
         }
     }

@@ -103,7 +103,13 @@ pub(crate) fn take_unit_columns(layout: &mut Layout<'_>, looks: &[Looks]) {
     }
 }
 
-/// Of columns of the least, the mean and the largest value of one channel in each interval, those that are not the mean.
+/// How one channel stands in several columns: in the first as it is, in the others made of it.
+const MEANS: [&str; 6] = ["avg", "mean", "average", "ave", "raw", "unfiltered"];
+const MADE: [&str; 11] =
+    ["min", "max", "std", "sd", "minimum", "maximum", "filtered", "filt", "smoothed", "smooth", "lowpass"];
+
+/// Of columns of the least, the mean and the largest value of one channel in each interval, those that are not the mean; and those of a channel that was
+/// filtered, where it stands beside as it was.
 pub(crate) fn extremes(columns: &[Column], values: &[usize]) -> Vec<usize> {
     let split = |i: usize| {
         let name = columns[i].name.trim_end_matches(')').to_lowercase();
@@ -111,10 +117,9 @@ pub(crate) fn extremes(columns: &[Column], values: &[usize]) -> Vec<usize> {
         Some((base.trim_end().to_owned(), word.to_owned()))
     };
     let is = |i: usize, words: &[&str]| split(i).filter(|(_, word)| words.contains(&word.as_str()));
-    let means: Vec<String> =
-        values.iter().filter_map(|&i| Some(is(i, &["avg", "mean", "average", "ave"])?.0)).collect();
-    let others = ["min", "max", "std", "sd", "minimum", "maximum"];
-    values.iter().copied().filter(|&i| is(i, &others).is_some_and(|(base, _)| means.contains(&base))).collect()
+    let plain = |i: usize| is(i, &MEANS).map_or_else(|| columns[i].name.to_lowercase(), |(base, _)| base);
+    let bases: Vec<String> = values.iter().filter(|&&i| is(i, &MADE).is_none()).map(|&i| plain(i)).collect();
+    values.iter().copied().filter(|&i| is(i, &MADE).is_some_and(|(base, _)| bases.contains(&base))).collect()
 }
 
 /// The usual step of times that rise.

@@ -17,6 +17,15 @@ const SAVED_S: f64 = 3600.0;
 
 /// Brings the table into order; `local` times are those of a wall clock without a zone.
 pub(crate) fn put_in_order(table: &mut Table, repairs: &mut Vec<Repair>, local: bool) -> Result<Vec<Hole>, CsvFault> {
+    if table.time_s.len() > 2 && table.time_s.windows(2).all(|w| w[1] < w[0]) {
+        turn(table);
+        repairs.push(Repair::new(
+            "reversed",
+            1,
+            None,
+            "the lines stand from the last to the first: they are turned around",
+        ));
+    }
     let displaced = displaced(table)?;
     let in_order = displaced.and_then(|_| even_step(&in_order(&table.time_s)));
     if let Some((count, line)) = displaced {
@@ -96,6 +105,11 @@ fn in_order(time_s: &[f64]) -> Vec<f64> {
         is_later
     };
     time_s.iter().copied().filter(later).collect()
+}
+
+fn turn(table: &mut Table) {
+    std::iter::once(&mut table.time_s).chain(&mut table.columns).for_each(|column| column.reverse());
+    table.line.reverse();
 }
 
 fn sort(table: &mut Table) {

@@ -125,7 +125,12 @@ impl<'a, 't> Reading<'a, 't> {
         let states = States::find(&names.iter().map(|(_, name)| name.clone()).collect::<Vec<_>>(), &telling, &values);
         let words: Vec<usize> = words.into_iter().filter(|i| !is_key(*i) && !states.has(*i)).collect();
         let lost = extremes.iter().any(|i| !self.layout.columns[*i].is_ignored(i + 1, self.options));
-        let extremes = says(&names, "extremes", &extremes, "left out, for the mean of the same channel stands beside");
+        let extremes = says(
+            &names,
+            "extremes",
+            &extremes,
+            "left out, for the same channel stands beside as its mean or as it was read",
+        );
         self.repairs.extend(extremes.map(|repair| Repair { lost, ..repair }));
         self.repairs.extend(says(&names, "words", &words, "left out, because they hold words or nothing"));
         let counted = "no sensors, for they count samples or give the times once more";

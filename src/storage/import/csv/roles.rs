@@ -244,11 +244,11 @@ impl Finder<'_, '_> {
         Some(Clock { time: Some(time), form: Form::Stamps, date, fraction, values: Vec::new(), host: None })
     }
 
-    /// Seconds of the unit of a column that nothing names, if it counts thousandths or millionths: it falls where the second changes, and nowhere else.
+    /// Seconds of the unit of a column that nothing names, if it holds fractions, thousandths or millionths of a second: it falls where the second changes, and nowhere else.
     fn counts_within(&self, part: usize, time: usize) -> Option<f64> {
         let most = self.values(part).iter().copied().fold(0.0, f64::max);
-        let unit_s = [1e-3, 1e-6].into_iter().find(|unit_s| (0.5..1.0).contains(&(most * unit_s)))?;
-        let whole = self.values(part).iter().all(|v| v.fract() == 0.0 && *v >= 0.0);
+        let unit_s = [1.0, 1e-3, 1e-6].into_iter().find(|unit_s| (0.5..1.0).contains(&(most * unit_s)))?;
+        let whole = self.values(part).iter().all(|v| (unit_s == 1.0 || v.fract() == 0.0) && *v >= 0.0);
         let rows: Vec<(&str, f64)> =
             self.layout.column(time).zip(self.layout.column(part)).map(|(t, p)| (t, Cell::of(p).value())).collect();
         let changes = rows.windows(2).filter(|w| w[0].0 != w[1].0).count();
@@ -513,7 +513,7 @@ impl Finder<'_, '_> {
         let unread =
             (0..self.looks.len()).filter(|&i| self.looks[i] == Looks::Words && !self.is_ignored(i)).find_map(|i| {
                 let cell = self.layout.column(i).find(|c| !c.is_empty())?;
-                let is_clock = cell.starts_with(|c: char| c.is_ascii_digit()) && cell.matches(':').count() > 1;
+                let is_clock = cell.contains(|c: char| c.is_ascii_digit()) && cell.matches(':').count() > 1;
                 (is_clock || is_time_name(&self.column(i).name))
                     .then(|| (self.column(i).heading.clone(), cell.to_owned()))
             });

@@ -256,10 +256,10 @@ impl Settings {
 
     /// The names of columns, where a line states them.
     pub(crate) fn names(&self, width: usize, values: &[usize]) -> Vec<(usize, String)> {
-        let stated =
-            |key: &&&str| self.all.iter().any(|s| s.key == **key && s.cells.len() >= values.len() && values.len() > 1);
-        let Some(key) = NAMES.iter().find(stated) else { return Vec::new() };
-        self.all.iter().find(|s| s.key == *key).map_or(Vec::new(), |line| line.by_column(width, values))
+        let states = |s: &&Setting| s.cells.len() >= values.len() && values.len() > 1;
+        // of several the one nearest to the table
+        let line = |key: &&str| self.all.iter().rev().filter(states).find(|s| s.key == **key);
+        NAMES.iter().find_map(line).map_or(Vec::new(), |line| line.by_column(width, values))
     }
 
     /// Name and unit of a channel in a table of channels, such as `CH,Signal name,…,Unit` over `CH1,Valve,…,bar`, or its unit under its name.

@@ -42,6 +42,7 @@ pub(crate) fn take_unread(
     spellings: &mut Spellings,
 ) -> Option<Repair> {
     take_dropouts(values, lines, spellings);
+    take_sparks(values, lines, spellings);
     take_repeats(values, name).or_else(|| take_held(values, lines, name))
 }
 
@@ -124,6 +125,27 @@ fn take_dropouts(values: &mut [f64], lines: &[usize], spellings: &mut Spellings)
                 *value = missing();
             }
         }
+    }
+}
+
+/// Takes single readings out that lie outside of both neighbours by more than all the rest ranges, several times: a spark on the line.
+fn take_sparks(values: &mut [f64], lines: &[usize], spellings: &mut Spellings) {
+    let places: Vec<usize> = (0..values.len()).filter(|&i| !values[i].is_nan()).collect();
+    let mut sorted: Vec<f64> = places.iter().map(|&i| values[i]).collect();
+    sorted.sort_by(f64::total_cmp);
+    let Some(last) = sorted.len().checked_sub(ENOUGH) else { return };
+    let few = last / 200;
+    let range = sorted[sorted.len() - 1 - few] - sorted[few];
+    let is_spark = |w: &&[usize]| {
+        let [before, at, after] = [w[0], w[1], w[2]].map(|i| values[i]);
+        (before.min(after) - at).max(at - before.max(after)) > CONTRADICTED * range
+    };
+    let sparks: Vec<usize> = places.windows(3).filter(is_spark).map(|w| w[1]).collect();
+    if range > 0.0 && sparks.len() <= few {
+        sparks.into_iter().for_each(|i| {
+            spellings.count(&shown(values[i]), lines[i]);
+            values[i] = missing();
+        });
     }
 }
 
