@@ -318,10 +318,10 @@ pub fn misread(recording: &Recording, faults: &[SensorFault], scaled: &[bool]) -
     let strange = |(i, sensor): (usize, &Sensor)| {
         let fault = faults.iter().find(|f| f.sensor == sensor.name);
         if let Some(fault) = fault.filter(|f| matches!(f.fault, Fault::Inverted | Fault::WrongUnit)) {
-            return Some(format!("sensor {} is {}: {}", sensor.name, fault.fault.words(), fault.says));
+            return Some(format!("{}: {}", fault.fault.words(), fault.says));
         }
         let values = Some(&recording.series[i].value).filter(|v| sensor.coupling == Coupling::Dc && !v.is_empty())?;
-        let shows = |value: f64, what: &str| format!("sensor {} shows {value} {}, {what}", sensor.name, sensor.unit);
+        let shows = |value: f64, what: &str| format!("strange: it shows {value} {}, {what}", sensor.unit);
         let level = median(&mut values.clone());
         if sensor.range.is_some_and(|[low, high]| (low..=high).contains(&level)) {
             return None;
@@ -337,9 +337,17 @@ pub fn misread(recording: &Recording, faults: &[SensorFault], scaled: &[bool]) -
     let found: Vec<(&Sensor, String)> =
         pressures.filter_map(|(i, sensor)| Some((sensor, strange((i, sensor))?))).collect();
     let (Sensor { name, unit, .. }, _) = found.first()?;
-    let says: Vec<&str> = found.iter().map(|(_, says)| says.as_str()).collect();
+    // what several have in common may be the flow's
+    let one = |group: &[(&Sensor, String)]| match group {
+        [(sensor, says)] => format!("sensor {} is {says}", sensor.name),
+        _ => {
+            let names: Vec<&str> = group.iter().map(|(sensor, _)| sensor.name.as_str()).collect();
+            format!("sensors {} are {}", names.join(", "), group[0].1)
+        }
+    };
+    let says: Vec<String> = found.chunk_by(|(_, a), (_, b)| a == b).map(one).collect();
     Some(format!(
-        "{}. Say what its numbers stand for with option `scale '{name}=FACTOR*x {unit}'` and its number, keep them as they are with option `scale '{name}={unit}'`, or leave it out with option `ignore '{name}'`",
+        "{}. Say what the numbers of '{name}' stand for with option `scale '{name}=FACTOR*x {unit}'` and its number, keep them as they are with option `scale '{name}={unit}'`, or leave it out with option `ignore '{name}'`",
         says.join("; ")
     ))
 }
