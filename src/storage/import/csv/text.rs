@@ -197,12 +197,7 @@ pub(crate) fn check_kind(bytes: &[u8]) -> Result<(), CsvFault> {
 mod tests {
     #[test]
     fn files_of_other_kinds_are_called_by_their_names() {
-        for (text, what) in [
-            (&b"{\"t\": 0}"[..], "JSON"),
-            (b"\xef\xbb\xbf [ {\"t\": 0}]", "JSON"),
-            (b"<?XML version=\"1.0\"?>", "XML"),
-            (b"\x1f\x8b\x08\x00", "gzip"),
-        ] {
+        for (text, what) in [(&b"<?XML version=\"1.0\"?>"[..], "XML"), (b"\x1f\x8b\x08\x00", "gzip")] {
             let said = check_kind(text).unwrap_err().1.to_string();
             assert!(said.contains(what), "{said}");
         }
