@@ -6,6 +6,7 @@ use crate::storage::disk;
 use crate::storage::error::LogError;
 use crate::storage::import::arrays::table::tables_of_arrays;
 use crate::storage::import::arrays::{hdf5, mat};
+use crate::storage::import::csv::strays::take_from;
 use crate::storage::import::source::{SourceFile, SourceOptions};
 use crate::storage::import::tables::{self, Tables};
 use crate::storage::import::{csv, json, mcap, sheet, tdms};
@@ -28,9 +29,10 @@ pub fn decode_source(bytes: &[u8], path: &Path, options: &SourceOptions) -> Resu
         check_start(bytes, path)?;
     }
     if bytes.starts_with(::mcap::MAGIC) {
-        mcap::read(bytes, path, options)
+        mcap::read(bytes, path, options).map(take_from)
     } else if bytes.starts_with(b"TDSm") {
-        tdms::read(bytes, options).map_err(|why| LogError::SourceFile { path: path.into(), why })
+        let read = tdms::read(bytes, options).map(take_from);
+        read.map_err(|why| LogError::SourceFile { path: path.into(), why })
     } else if bytes.starts_with(b"TDSh") {
         let why = "this is the index of a TDMS file: name the .tdms file beside it".into();
         Err(LogError::SourceFile { path: path.into(), why })

@@ -2,8 +2,10 @@
 
 use std::collections::BTreeSet;
 
-use crate::storage::import::csv::missing::{Spellings, missing};
-use crate::storage::import::source::{Repair, counted};
+use crate::recording::Series;
+use crate::storage::import::csv::missing::{Spellings, is_missing, missing};
+use crate::storage::import::gaps::gaps;
+use crate::storage::import::source::{Repair, SourceFile, counted};
 
 /// Numbers that loggers write for no value: Campbell's, and the ends of a converter's range.
 const NUMBERS: [f64; 8] = [-7999.0, 7999.0, 6999.0, 32767.0, -32768.0, 65535.0, 6553.5, 655.35];
@@ -44,6 +46,30 @@ pub(crate) fn take_unread(
     take_dropouts(values, lines, spellings);
     take_sparks(values, lines, spellings);
     take_repeats(values, name).or_else(|| take_held(values, lines, name))
+}
+
+/// Takes out of the tracks of other files than tables what is no value.
+pub(crate) fn take_from(mut file: SourceFile) -> SourceFile {
+    let mut spellings = Spellings::default();
+    for track in &mut file.tracks {
+        let Series { time_s, value, gaps: known } = &mut track.series;
+        let places: Vec<usize> = (1..=value.len()).collect();
+        take_sentinels(value, &places, &mut spellings);
+        let repair = take_unread(value, &places, &track.name, &mut spellings);
+        track.repairs.extend(repair.map(|repair| Repair { line: None, ..repair }));
+        if value.iter().all(|v| !v.is_nan()) {
+            continue;
+        }
+        let all = || time_s.iter().copied().zip(value.iter().copied());
+        let missing_s: Vec<f64> = all().filter(|(_, v)| is_missing(*v)).map(|(t, _)| t).collect();
+        let (times, values): (Vec<f64>, Vec<f64>) = all().filter(|(_, v)| !v.is_nan()).unzip();
+        let mut gaps = gaps(&times, &missing_s);
+        gaps.append(known);
+        gaps.sort_by(|a, b| a.from_s.total_cmp(&b.from_s));
+        track.series = Series { time_s: times, value: values, gaps };
+    }
+    file.repairs.extend(spellings.repair().map(|repair| Repair { line: None, ..repair }));
+    file
 }
 
 /// Whether something in a column is no value.
@@ -258,7 +284,6 @@ fn take_repeats(values: &mut [f64], name: &str) -> Option<Repair> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::storage::import::csv::missing::is_missing;
 
     /// A pressure of some bar with `strays` in it.
     fn column(strays: &[(usize, f64)]) -> (Vec<f64>, String) {
