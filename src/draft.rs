@@ -22,7 +22,7 @@ use crate::signal::window::used;
 use crate::signal::{Features, SensorFeatures, inspect};
 use crate::storage::import::unit_warnings::PLAUSIBLE_PA;
 use crate::storage::import::{
-    Repair, SourceFile, SourceOptions, Track, bind, is_electric, is_nameless, kind_of, kind_of_name,
+    Bound, Repair, SourceFile, SourceOptions, Track, bind, is_electric, is_nameless, kind_of, kind_of_name,
 };
 use crate::storage::nearest::listed;
 use crate::units::{GRAVITY_M_S2, Quantity, UNITS, Unit};
@@ -296,12 +296,12 @@ pub struct Checked {
 
 /// Checks a file on the rig that was made for it. What is converted or guessed on the way is added to `repairs`.
 pub fn checked(rig: &Rig, file: &SourceFile, source: &SourceOptions, repairs: &mut Vec<Repair>) -> Checked {
-    let recording = match recorded(rig, file, source, repairs) {
-        Ok(recording) => recording,
+    let (recording, scaled) = match recorded(rig, file, source, repairs) {
+        Ok(bound) => (used(bound.recording).0, bound.scaled),
         Err(error) => return Checked { doubts: Err(error), misread: None },
     };
     let (features, faults) = examine(&recording);
-    let misread = misread(&recording, &faults, file, source);
+    let misread = misread(&recording, &faults, &scaled);
     let doubts = features.map_err(|e| e.to_string()).map(|features| {
         let mut found = doubts(rig, &features);
         found.extend((!faults.is_empty()).then(|| in_words(&faults)));
@@ -310,22 +310,22 @@ pub fn checked(rig: &Rig, file: &SourceFile, source: &SourceOptions, repairs: &m
     Checked { doubts, misread }
 }
 
-fn misread(recording: &Recording, faults: &[SensorFault], file: &SourceFile, source: &SourceOptions) -> Option<String> {
+/// What to give of pressures whose readings cannot be what the file says; of those that are `scaled` somebody said what they stand for. `recording` is
+/// what is [`used`](crate::signal::window::used) of one.
+pub fn misread(recording: &Recording, faults: &[SensorFault], scaled: &[bool]) -> Option<String> {
     let rig = &recording.rig;
-    let is_said = |name: &str| {
-        let from = source.map.iter().find(|(_, to)| to == name).map(|(from, _)| from.as_str());
-        let track = file.tracks.iter().find(|track| track.is_called(from.unwrap_or(name)));
-        source.scales.iter().any(|(said, _)| said == name || track.is_some_and(|track| track.is_called(said)))
-    };
     let density = rig.fluid.properties(rig.fluid.temperature_degc).density_kg_m3;
     let strange = |(i, sensor): (usize, &Sensor)| {
         let fault = faults.iter().find(|f| f.sensor == sensor.name);
         if let Some(fault) = fault.filter(|f| matches!(f.fault, Fault::Inverted | Fault::WrongUnit)) {
-            return Some(format!("sensor {} is {}: {}", sensor.name, fault.fault.words(), fault.says));
+            return Some(format!("{}: {}", fault.fault.words(), fault.says));
         }
         let values = Some(&recording.series[i].value).filter(|v| sensor.coupling == Coupling::Dc && !v.is_empty())?;
-        let shows = |value: f64, what: &str| format!("sensor {} shows {value} {}, {what}", sensor.name, sensor.unit);
+        let shows = |value: f64, what: &str| format!("strange: it shows {value} {}, {what}", sensor.unit);
         let level = median(&mut values.clone());
+        if sensor.range.is_some_and(|[low, high]| (low..=high).contains(&level)) {
+            return None;
+        }
         if sensor.unit.to_si(level, density) > PLAUSIBLE_PA[1] {
             return Some(shows(level, "more than a laboratory pipe withstands"));
         }
@@ -333,13 +333,21 @@ fn misread(recording: &Recording, faults: &[SensorFault], file: &SourceFile, sou
         (sensor.unit.to_si(lowest, density) < -BELOW_VACUUM * ATMOSPHERE_PA)
             .then(|| shows(lowest, "less than a vacuum; empty its cell where it stands for no value"))
     };
-    let pressures = rig.pressure_sensors().filter(|(_, sensor)| !is_said(&sensor.name));
+    let pressures = rig.pressure_sensors().filter(|(i, _)| !scaled.get(*i).copied().unwrap_or(false));
     let found: Vec<(&Sensor, String)> =
         pressures.filter_map(|(i, sensor)| Some((sensor, strange((i, sensor))?))).collect();
     let (Sensor { name, unit, .. }, _) = found.first()?;
-    let says: Vec<&str> = found.iter().map(|(_, says)| says.as_str()).collect();
+    // what several have in common may be the flow's
+    let one = |group: &[(&Sensor, String)]| match group {
+        [(sensor, says)] => format!("sensor {} is {says}", sensor.name),
+        _ => {
+            let names: Vec<&str> = group.iter().map(|(sensor, _)| sensor.name.as_str()).collect();
+            format!("sensors {} are {}", names.join(", "), group[0].1)
+        }
+    };
+    let says: Vec<String> = found.chunk_by(|(_, a), (_, b)| a == b).map(one).collect();
     Some(format!(
-        "{}. Say what its numbers stand for with option `scale '{name}=FACTOR*x {unit}'` and its number, keep them as they are with option `scale '{name}={unit}'`, or leave it out with option `ignore '{name}'`",
+        "{}. Say what the numbers of '{name}' stand for with option `scale '{name}=FACTOR*x {unit}'` and its number, keep them as they are with option `scale '{name}={unit}'`, or leave it out with option `ignore '{name}'`",
         says.join("; ")
     ))
 }
@@ -350,6 +358,9 @@ fn seen_from_valve(draft: &Draft, file: &SourceFile, source: &SourceOptions) -> 
     let found = seen(draft, file, source)?;
     if let Some(lead_s) = found.short_lead_s(draft.length_m) {
         return Err(format!("the record begins {} before the first rise", duration(lead_s)));
+    }
+    if let Some(sensor) = found.sensors.iter().find(|s| s.missing_at_front_s.is_some()) {
+        return Err(format!("samples of {} are missing within a period of its front", sensor.name));
     }
     let arrival = |s: &&SensorFeatures| s.front_arrival_s.map_or(f64::INFINITY, |e| e.value);
     let first = found.sensors.iter().min_by(|a, b| arrival(a).total_cmp(&arrival(b))).map(|s| s.name.clone());
@@ -368,18 +379,12 @@ fn seen(draft: &Draft, file: &SourceFile, source: &SourceOptions) -> Result<Feat
 /// What is used of the file, on the rig as it is drafted.
 fn drafted(draft: &Draft, file: &SourceFile, source: &SourceOptions) -> Result<Recording, String> {
     let rig = Rig::from_toml(&draft.text(), "draft").map_err(|e| e.to_string())?;
-    recorded(&rig, file, source, &mut Vec::new())
+    recorded(&rig, file, source, &mut Vec::new()).map(|bound| used(bound.recording).0)
 }
 
-/// What is used of the file, on a rig.
-fn recorded(
-    rig: &Rig,
-    file: &SourceFile,
-    source: &SourceOptions,
-    repairs: &mut Vec<Repair>,
-) -> Result<Recording, String> {
-    let bound = bind(file.clone(), Path::new("the file"), rig, source, repairs);
-    bound.map(|(recording, _)| used(recording).0).map_err(|e| e.to_string())
+/// The file on a rig.
+fn recorded(rig: &Rig, file: &SourceFile, source: &SourceOptions, repairs: &mut Vec<Repair>) -> Result<Bound, String> {
+    bind(file.clone(), Path::new("the file"), rig, source, repairs).map_err(|e| e.to_string())
 }
 
 /// The heading as a sensor's name: no column without a heading, and none twice.

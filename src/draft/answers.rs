@@ -5,7 +5,7 @@ use crate::rig::draft::{Draft, DraftSensor, Told};
 use crate::rig::material::{MATERIALS, Material};
 use crate::rig::{SensorKind, spelled_unit};
 use crate::storage::import::source::NAMELESS;
-use crate::storage::import::{SourceFile, Track, is_electric};
+use crate::storage::import::{SourceFile, Track, is_electric, line_like};
 use crate::storage::nearest::{listed, nearest};
 use crate::units::written::{measure, number};
 use crate::units::{Quantity, Unit};
@@ -176,11 +176,15 @@ pub fn no_pressure(file: &SourceFile, columns: Vec<String>) -> Amiss {
         |is: &dyn Fn(&str) -> bool| others().find(|track| is(&unit(track))).map(|track| (called(track), unit(track)));
     let volts = first(&is_electric).map(|(name, unit)| {
         format!(
-            "the ranges of its transducer, for it is in '{unit}', as in option `scale '{name}=1..5 -> 0..10 bar'` (or its line, '{name}=2.5*x-2.5 bar')"
+            "the ranges of its transducer, for it is in '{unit}', as in option `scale '{name}={}'` (or its line, '{name}=2.5*x-2.5 bar')",
+            line_like(&unit, "bar")
         )
     });
     let unknown = first(&|unit| !unit.is_empty() && !is_electric(unit)).map(|(name, unit)| {
-        format!("what its numbers stand for, if it is in '{unit}', as in option `scale '{name}=FACTOR*x bar'` with its number")
+        format!(
+            "what its numbers stand for, if it is in '{unit}', as in option `scale '{name}={}'` with its number",
+            line_like(&unit, "bar")
+        )
     });
     let bare = first(&str::is_empty).map(|(name, _)| {
         format!(

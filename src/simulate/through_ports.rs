@@ -66,7 +66,7 @@ pub fn record_playbacks(
     let is_asked = |device: &Device| matches!(device.protocol, Protocol::ModbusRtu { .. });
     if let Some(fault) = faults.of_asked().filter(|_| !played.iter().any(|(device, _)| is_asked(device))) {
         return Err(format!(
-            "the fault '{fault}' is of devices that are asked (protocol = \"modbus-rtu\"), and none of those that are recorded is: leave it out"
+            "only a device that is asked for its values (protocol = \"modbus-rtu\") can have the fault '{fault}', and the rig has none: leave it out of option `faults`"
         )
         .into());
     }

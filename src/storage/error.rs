@@ -166,6 +166,16 @@ pub enum CsvProblem {
         /// The columns.
         columns: String,
     },
+    /// Times that are written in a way that is not known.
+    #[error(
+        "column '{column}' holds times that cannot be read, such as '{cell}': write them like 2026-03-14 09:26:53.250, like 09:26:53.250 or in seconds; or, for samples that are evenly apart, give their rate with option `rate`"
+    )]
+    TimesUnread {
+        /// The column.
+        column: String,
+        /// The first of them.
+        cell: String,
+    },
     /// A line that is none of a table.
     #[error("a line is longer than {mebibytes} MiB: this is no table of samples")]
     LongLine {

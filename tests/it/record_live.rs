@@ -333,7 +333,7 @@ fn what_cannot_be_recorded_is_said_before_anything_is_written() {
         ("frames", &["--port", "dag=/dev/null"], "--port names 'dag'"),
         ("frames", &["--speed", "2"], "--replay"),
         ("frames", &["--simulate", "--faults", "flop=1"], "unknown fault 'flop'"),
-        ("frames", &["--simulate", "--faults", "echo=true"], "'echo' is of devices that are asked"),
+        ("frames", &["--simulate", "--faults", "echo=true"], "only a device that is asked for its values"),
     ] {
         let bench = Bench::new(protocol);
         let output = bench.recorder(more).output().unwrap();

@@ -188,7 +188,7 @@ fn times_that_run_backwards_are_refused_and_the_mean_of_those_that_repeat_is_sai
         ["back.csv:5", "0.0007 does not come after 0.0010 of line 4", "if another run begins here, split the file"];
     bench.refuses("import back.csv --rig rig.toml -o x.mcap", &words);
     bench.put("twice.csv", CSV.replace("0.0015", "0.0010"));
-    let (_, err) = bench.expect(0, "import twice.csv --rig rig.toml -o twice.mcap");
+    let (_, err) = bench.expect(3, "import twice.csv --rig rig.toml -o twice.mcap");
     assert!(
         err.contains("twice.csv:5: 1 time occurs more than once with different values: the mean was taken"),
         "{err}"
@@ -450,7 +450,9 @@ fn what_cannot_be_right_together_is_told_before_the_fit() {
     // the same wave in a pipe said to be a hundred times as long
     let text = String::from_utf8(bench.get("run.csv")).unwrap();
     let times = text.lines().skip(1).map(|l| l.split(',').collect::<Vec<_>>());
-    let rows: String = times.map(|c| format!("{:.4},{}\n", 1.0 + c[0].parse::<f64>().unwrap(), c[1])).collect();
+    // at a higher head, for no water stands so far below a vacuum as the elastic model lets it fall
+    let number = |cell: &str| cell.parse::<f64>().unwrap();
+    let rows: String = times.map(|c| format!("{:.4},{:.4}\n", 1.0 + number(c[0]), 500.0 + number(c[1]))).collect();
     let steady: f64 = rows.split(',').nth(1).unwrap().lines().next().unwrap().parse().unwrap();
     let lead: String =
         (0..1000).map(|i| format!("{:.4},{}\n", f64::from(i) * 1e-3, steady + 0.01 * f64::from(i % 7))).collect();

@@ -14,14 +14,15 @@ use crate::cli::console::outcome::{AnyError, CommandResult, Outcome};
 use crate::cli::console::print::{say, tell, tell_warning};
 use crate::cli::console::progress::busy;
 use crate::cli::console::understood;
+use crate::draft::misread;
 use crate::recording::Recording;
 use crate::report::advice::quoted;
 use crate::rig::Rig;
 use crate::shown::Shown as _;
-use crate::signal::SignalError;
 use crate::signal::doubts::doubts;
-use crate::signal::faults::{examine, in_words};
+use crate::signal::faults::{Fault, SensorFault, examine, in_words};
 use crate::signal::window::{Passing, used};
+use crate::signal::{Features, SignalError};
 use crate::storage::import::{Imported, LongImport, Pass, Repair, SourceOptions, unit_warnings};
 use crate::storage::together::{Together, recorded, together};
 use crate::storage::{ImportOptions, Summary, write};
@@ -127,6 +128,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
                 clocks: Vec::new(),
                 left_out: Vec::new(),
                 understood: Vec::new(),
+                scaled: Vec::new(),
             };
             return done.tell(&args, &output, json);
         }
@@ -135,6 +137,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let mut parts = Vec::new();
     let mut understood = Vec::new();
     let mut columns = Vec::new();
+    let mut scaled = vec![false; rig.sensors.len()];
     for (i, path) in args.files.iter().enumerate() {
         // a flow by hand is one reading, not one a file
         let elsewhere = recorded(&parts, &rig);
@@ -144,6 +147,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         let imported = read.or_else(|error| guessed(path, error, &args, json))?;
         understood.extend(json.then(|| imported.understood(path)));
         let Imported { recording, repairs, start_digit_s, names, .. } = imported;
+        scaled.iter_mut().zip(imported.scaled).for_each(|(any, own)| *any |= own);
         columns.extend(names);
         reports.extend(repairs.into_iter().map(|repair| Report { file: path.clone(), repair }));
         parts.push(Part { file: path.shown().into_owned(), recording, start_digit_s });
@@ -154,7 +158,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     busy(&output, || write(&output, &recording))?;
     let summary = Summary::of(&recording);
     let (used, _) = used(recording);
-    Done { used, summary, reports, joined, clocks, left_out, understood }.tell(&args, &output, json)
+    Done { used, summary, reports, joined, clocks, left_out, understood, scaled }.tell(&args, &output, json)
 }
 
 /// The file with guesses that the user has accepted; otherwise the error that it gave without them.
@@ -189,11 +193,13 @@ struct Done {
     left_out: Vec<String>,
     /// Each file, as it was understood.
     understood: Vec<Value>,
+    /// Of each sensor, whether somebody said what its numbers stand for.
+    scaled: Vec<bool>,
 }
 
 impl Done {
     fn tell(self, args: &Args, output: &Path, json: bool) -> CommandResult {
-        let Done { used, summary, reports, joined, clocks, left_out, understood } = self;
+        let Done { used, summary, reports, joined, clocks, left_out, understood, scaled } = self;
         let alone = args.files.len() == 1;
         for report in reports.iter().filter(|r| !r.repair.guessed) {
             let line = report.repair.line.map(|l| format!(":{l}")).unwrap_or_default();
@@ -202,6 +208,16 @@ impl Done {
         joined.iter().for_each(|text| tell!("{text}"));
         // What contradicts the rig is cheapest to mend here.
         let (features, faults) = examine(&used);
+        // what contradicts a sensor in another file may be its clock
+        let own = if alone { &faults[..] } else { &[] };
+        if let Some(text) = misread(&used, own, &scaled) {
+            std::fs::remove_file(output)?;
+            return Err(format!("{}: {text}", args.files[0].shown()).into());
+        }
+        let lacks = |found: &Features| found.sensors.iter().any(|s| s.missing_at_front_s.is_some());
+        // what a sensor did not show, or cut off, is lost as well
+        let is_cut = |fault: &SensorFault| matches!(fault.fault, Fault::Stuck | Fault::Clipped);
+        let is_lost = features.as_ref().is_ok_and(lacks) || faults.iter().any(is_cut);
         let doubts = match features {
             Ok(features) => doubts(&used.rig, &features),
             // a part of a run, or the wrong one; of a few readings nobody expects a closure
@@ -228,7 +244,7 @@ impl Done {
             say!("{}: {summary}", output.shown());
             tell!("next: surgescope open {}", quoted(&output.shown()));
         }
-        Ok(if reports.iter().any(|r| r.repair.lost) { Outcome::DataLost } else { Outcome::Done })
+        Ok(if is_lost || reports.iter().any(|r| r.repair.lost) { Outcome::DataLost } else { Outcome::Done })
     }
 }
 

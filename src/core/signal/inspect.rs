@@ -160,14 +160,19 @@ fn sensor_features(
     let base_m = station.front.as_ref().map_or(trace.head_m[0], |f| f.base_m);
     let newest = (5.0f64.max(2.0 * period_s) / trace.step_s) as usize;
     let extrema = extrema::extrema(trace, cycles, start_s, half_width(trace.step_s, sharp_s));
-    // a front that lies in a gap is sought behind it; a gap in a steady stretch, with one head on both sides, hides none
+    // A front that lies in a gap is sought behind it, and so is its return. A gap in a steady stretch, with one head on both sides, hides none, nor does
+    // one that is short against the period.
     let missing_at_front_s = front_arrival_s.and_then(|front| {
         let at = trace.index(front.value);
-        let [from, to] =
-            trace.bridged(trace.index(front.value - period_s)..trace.index(front.value + 0.5 * period_s))?;
-        let jump_m = trace.head_m[(to + 1).min(trace.len() - 1)] - trace.head_m[from.saturating_sub(1)];
-        let is_steady = to < at && jump_m.abs() < JUMP * noise.white_sd_m;
-        (!is_steady).then(|| [from, to].map(|i| trace.time_s(i as f64)))
+        let hides = |[from, to]: &[usize; 2]| {
+            let jump_m = trace.head_m[(to + 1).min(trace.len() - 1)] - trace.head_m[from.saturating_sub(1)];
+            let is_steady = *to < at && jump_m.abs() < JUMP * noise.white_sd_m;
+            let is_short = ((to - from) as f64) * trace.step_s < SHORT * period_s;
+            !is_steady && !is_short
+        };
+        let near = trace.index(front.value - period_s)..trace.index(front.value + 0.5 * period_s + trace.step_s);
+        let gaps = trace.bridged(near).into_iter().filter(hides);
+        gaps.max_by_key(|[from, to]| to - from).map(|gap| gap.map(|i| trace.time_s(i as f64)))
     });
     SensorFeatures {
         sensor: station.sensor,
@@ -190,6 +195,8 @@ fn sensor_features(
 
 /// Two samples of one steady head differ by less than so many times their noise.
 const JUMP: f64 = 6.0;
+/// A gap of a smaller share of the period moves no front by more than what is known of it.
+const SHORT: f64 = 0.01;
 
 /// Samples on either side over which extrema are smoothed: a tenth of the sharpest that there is.
 fn half_width(step_s: f64, sharp_s: f64) -> usize {

@@ -74,11 +74,11 @@ impl Trace {
             && self.bridged_before[range.end] == self.bridged_before[range.start]
     }
 
-    /// The first and the last point that was bridged in a range, clamped to the record.
-    pub fn bridged(&self, range: Range<usize>) -> Option<[usize; 2]> {
+    /// The first and the last point of each stretch that was bridged in a range, clamped to the record.
+    pub fn bridged(&self, range: Range<usize>) -> Vec<[usize; 2]> {
         let range = range.start.min(self.len())..range.end.min(self.len());
-        let is_bridged = |i: &usize| !self.intact(*i..i + 1);
-        Some([range.clone().find(is_bridged)?, range.rev().find(is_bridged)?])
+        let points: Vec<usize> = range.filter(|i| !self.intact(*i..i + 1)).collect();
+        points.chunk_by(|a, b| a + 1 == *b).map(|run| [run[0], run[run.len() - 1]]).collect()
     }
 
     /// Start of the unbroken stretch that ends before `end`.

@@ -7,14 +7,25 @@ use crate::recording::{Recording, RunInfo, Series};
 use crate::rig::check::ATMOSPHERE_PA;
 use crate::rig::{Rig, Sensor, SensorKind, quantity_of, spelled_unit};
 use crate::storage::error::{CsvProblem, LogError};
-use crate::storage::import::kinds::{Known, guessed, is_electric, pressure_unit};
+use crate::storage::import::kinds::{Known, guessed, is_electric, line_like, pressure_unit};
 use crate::storage::import::source::{Repair, SourceFile, SourceOptions, Track};
 use crate::storage::nearest::{listed, nearest};
 use crate::storage::sink::program;
 use crate::units::{Quantity, UNITS, Unit};
 
+/// A file on the sensors of a rig; of each sensor its track.
+#[derive(Debug, Clone)]
+pub struct Bound {
+    /// The samples.
+    pub recording: Recording,
+    /// The name of its column, channel or field, where it has one.
+    pub columns: Vec<Option<String>>,
+    /// Whether somebody said what its numbers stand for.
+    pub scaled: Vec<bool>,
+}
+
 /// Brings a file's tracks to the sensors of a rig. Sensors that it has no track of stay empty; what was converted or left out
-/// is added to `repairs`. Also the name of each sensor's track.
+/// is added to `repairs`.
 ///
 /// # Errors
 /// A track that is no sensor (in a table), two tracks of one sensor, a unit that the sensor cannot have, a name in the options
@@ -25,7 +36,7 @@ pub fn bind(
     rig: &Rig,
     options: &SourceOptions,
     repairs: &mut Vec<Repair>,
-) -> Result<(Recording, Vec<Option<String>>), LogError> {
+) -> Result<Bound, LogError> {
     let table = !file.spare_tracks;
     let fault = |problem: CsvProblem| match table {
         true => LogError::Csv { path: path.into(), line: None, problem: Box::new(problem) },
@@ -47,6 +58,7 @@ pub fn bind(
     let names: Vec<(String, String)> = file.tracks.iter().map(|t| (t.name.clone(), t.short.clone())).collect();
     let mut series = vec![Series::default(); rig.sensors.len()];
     let mut taken: Vec<Option<String>> = vec![None; rig.sensors.len()];
+    let mut scaled = vec![false; rig.sensors.len()];
     let (mut spare, mut unwanted) = (Vec::new(), 0);
     let ignored = |track: &Track| options.ignore.iter().any(|name| track.is_called(name) || name == "*");
     let known = |track: &Track| match sensor_of(track, rig, options) {
@@ -89,9 +101,9 @@ pub fn bind(
         }
         taken[place] = Some(track.name.clone());
         repairs.append(&mut track.repairs);
-        let is_scaled = scale(&mut track, &rig.sensors[place], options);
+        scaled[place] = scale(&mut track, &rig.sensors[place], options);
         series[place] =
-            converted(track, &rig.sensors[place], density, is_scaled, options.guess, repairs).map_err(fault)?;
+            converted(track, &rig.sensors[place], density, scaled[place], options.guess, repairs).map_err(fault)?;
     }
     if taken.iter().all(Option::is_none) {
         return Err(no_sensor(path, rig, &spare, table));
@@ -111,7 +123,7 @@ pub fn bind(
         notes: file.notes,
         csv: None,
     };
-    Ok((Recording { rig: rig.clone(), series, run }, taken))
+    Ok(Bound { recording: Recording { rig: rig.clone(), series, run }, columns: taken, scaled })
 }
 
 /// A flow that was measured by hand, as one reading of the rig's flow sensor at the start of the record.
@@ -277,9 +289,7 @@ fn converted(
             let known: Vec<&str> = UNITS.iter().filter(|u| u.quantity == quantity).map(|u| u.symbol).collect();
             let kind = sensor.kind.name();
             let name = &track.short;
-            // the ranges of a transducer, or what a number stands for
-            let line = if is_electric(&text) { "1..5 -> 0..10" } else { "FACTOR*x" };
-            let remedy = format!("'{name}={line} {}'", sensor.unit);
+            let remedy = format!("'{name}={}'", line_like(&text, sensor.unit.symbol));
             return Err(CsvProblem::WrongUnit {
                 column: track.name,
                 unit: text,

@@ -6,9 +6,10 @@ use crate::storage::disk;
 use crate::storage::error::LogError;
 use crate::storage::import::arrays::table::tables_of_arrays;
 use crate::storage::import::arrays::{hdf5, mat};
+use crate::storage::import::csv::strays::take_from;
 use crate::storage::import::source::{SourceFile, SourceOptions};
 use crate::storage::import::tables::{self, Tables};
-use crate::storage::import::{csv, mcap, sheet, tdms};
+use crate::storage::import::{csv, json, mcap, sheet, tdms};
 use crate::storage::read::check_start;
 
 /// Reads a file of another program, whichever of the known kinds it is.
@@ -28,9 +29,10 @@ pub fn decode_source(bytes: &[u8], path: &Path, options: &SourceOptions) -> Resu
         check_start(bytes, path)?;
     }
     if bytes.starts_with(::mcap::MAGIC) {
-        mcap::read(bytes, path, options)
+        mcap::read(bytes, path, options).map(take_from)
     } else if bytes.starts_with(b"TDSm") {
-        tdms::read(bytes, options).map_err(|why| LogError::SourceFile { path: path.into(), why })
+        let read = tdms::read(bytes, options).map(take_from);
+        read.map_err(|why| LogError::SourceFile { path: path.into(), why })
     } else if bytes.starts_with(b"TDSh") {
         let why = "this is the index of a TDMS file: name the .tdms file beside it".into();
         Err(LogError::SourceFile { path: path.into(), why })
@@ -45,6 +47,7 @@ pub fn decode_source(bytes: &[u8], path: &Path, options: &SourceOptions) -> Resu
 /// The tables of a file that holds some, but not in text.
 fn tables_of(bytes: &[u8]) -> Option<Result<Tables, String>> {
     let contents = match bytes {
+        _ if json::is_json(bytes) => return Some(json::tables_of_json(bytes)),
         _ if sheet::is_workbook(bytes) => return Some(sheet::tables_of_book(bytes)),
         _ if mat::is_mat(bytes) => mat::read(bytes),
         _ if hdf5::is_hdf5(bytes) => hdf5::read(bytes),

@@ -6,10 +6,11 @@ use crate::recording::{Recording, RunInfo};
 use crate::rig::{Rig, SensorKind};
 use crate::storage::disk;
 use crate::storage::error::{CsvProblem, LogError};
-use crate::storage::import::bind::{bind, check_names, require_sensors};
+use crate::storage::import::bind::{Bound, bind, check_names, require_sensors};
 use crate::storage::import::csv::comments::{comment_notes, start_in_comments};
 use crate::storage::import::csv::plain::read_strict;
 use crate::storage::import::csv::settings::START;
+use crate::storage::import::csv::strays::has_strays;
 use crate::storage::import::csv::text::text_of;
 use crate::storage::import::decode::decode_source;
 use crate::storage::import::source::{ImportOptions, Repair, SourceOptions};
@@ -72,6 +73,8 @@ pub struct Imported {
     pub start_digit_s: Option<f64>,
     /// The column, channel or field of each sensor, where it has one.
     pub columns: Vec<Option<String>>,
+    /// Of each sensor, whether somebody said what its numbers stand for.
+    pub scaled: Vec<bool>,
     /// All columns, channels or fields.
     pub names: Vec<String>,
 }
@@ -91,8 +94,9 @@ pub fn import_file(
     let bytes = disk::read_file(path)?;
     let plain = alone && source.is_plain();
     let strict = plain.then(|| import_plain(&bytes, path, rig, options));
+    let has_strays = |recording: &Recording| recording.series.iter().any(|series| has_strays(&series.value));
     let refused = match strict {
-        Some(Ok(mut recording)) => {
+        Some(Ok(mut recording)) if !has_strays(&recording) => {
             let mut repairs = Vec::new();
             let mut start_digit_s = None;
             let in_comments = text_of(&bytes).ok().and_then(|text| start_in_comments(text, source));
@@ -107,12 +111,16 @@ pub fn import_file(
             if missing > 0 {
                 repairs.push(Repair::missing_times(missing));
             }
+            let sensors = recording.rig.sensors.iter().zip(&recording.series);
+            repairs.extend(sensors.filter_map(|(sensor, series)| Repair::uneven(&sensor.name, series)));
             let names: Vec<String> = rig.sensors.iter().map(|s| s.name.clone()).collect();
             let columns = names.iter().cloned().map(Some).collect();
-            return Ok(Imported { recording, repairs, start_digit_s, columns, names });
+            let scaled = vec![false; rig.sensors.len()];
+            return Ok(Imported { recording, repairs, start_digit_s, columns, scaled, names });
         }
         Some(Err(error)) => Some(error),
-        None => None,
+        // what is no value is taken out below
+        Some(Ok(_)) | None => None,
     };
     let mut repairs = Vec::new();
     let mut start_digit_s = None;
@@ -123,28 +131,28 @@ pub fn import_file(
             check_names(&file, path, Some(rig), source)?;
         }
         let names: Vec<String> = file.tracks.iter().map(|track| track.name.clone()).collect();
-        let (recording, columns) = bind(file, path, rig, source, &mut repairs)?;
+        let bound = bind(file, path, rig, source, &mut repairs)?;
         if alone {
             let mut without = options.without.clone();
             if source.guess {
-                without.extend(not_recorded(&recording, &mut repairs));
+                without.extend(not_recorded(&bound.recording, &mut repairs));
             }
-            require_sensors(&[&recording], rig, &without, &names)?;
+            require_sensors(&[&bound.recording], rig, &without, &names)?;
         }
         if let Some(guess) = repairs.iter().find(|repair| repair.guessed && !source.guess) {
             let why = format!("the file does not say that {}", guess.text);
             return Err(LogError::SourceFile { path: path.into(), why });
         }
-        Ok((recording, columns, names))
+        Ok((bound, names))
     });
     match (read, refused) {
-        (Ok((mut recording, columns, names)), _) => {
+        (Ok((Bound { mut recording, columns, scaled }, names)), _) => {
             if options.start_unix_ns > 0 {
                 recording.run.start_unix_ns = options.start_unix_ns;
                 start_digit_s = None;
                 repairs.retain(|m| m.what != START);
             }
-            Ok(Imported { recording, repairs, start_digit_s, columns, names })
+            Ok(Imported { recording, repairs, start_digit_s, columns, scaled, names })
         }
         // of a file that is plain but for one thing, that one thing
         (Err(error), Some(refused)) if is_plain(&bytes) && !says_more(&error) && !tolerated(&refused, source) => {

@@ -84,12 +84,48 @@ pub(crate) fn is_absolute_name(name: &str) -> bool {
     })
 }
 
+/// Words for the level that heads count from which are no gauge pressures: the sea, or another datum.
+const LEVELS: [&str; 14] = [
+    "sea level",
+    "above datum",
+    "elevation datum",
+    "vertical datum",
+    "hydraulic grade",
+    "piezometric",
+    "meeresspiegel",
+    "niveau de la mer",
+    "nivel del mar",
+    "asl",
+    "masl",
+    "amsl",
+    "nhn",
+    "hgl",
+];
+
+/// Whether a text says that heads count from the sea or another level: `head above sea level`, `m a.s.l.`, `HGL`.
+pub(crate) fn is_above_level(text: &str) -> bool {
+    let lower = text.to_lowercase().replace("a.s.l", "asl").replace("a.m.s.l", "amsl");
+    let (phrases, words) = LEVELS.split_at(9);
+    phrases.iter().any(|phrase| lower.contains(phrase))
+        || lower.split(|c: char| !c.is_alphanumeric()).any(|word| words.contains(&word))
+}
+
+/// What the line of a column may look like whose unit is none that is known: the ranges of a transducer, a zero to take off, or a factor.
+pub fn line_like(unit: &str, target: &str) -> String {
+    match unit {
+        _ if is_electric(unit) => format!("1..5 -> 0..10 {target}"),
+        _ if is_above_level(unit) => "x-ELEVATION m(H2O)".to_owned(),
+        _ => format!("FACTOR*x {target}"),
+    }
+}
+
 /// Whether two spellings are of one unit.
 pub(crate) fn same_unit(a: &str, b: &str) -> bool {
     let quantities = [Quantity::Flow, Quantity::Temperature, Quantity::Ratio];
     let of = |text: &str| {
-        let pressure = pressure_unit("", text);
-        pressure.or_else(|| quantities.iter().find_map(|q| spelled_unit(text, *q)).map(|unit| (unit, false)))
+        let other = || quantities.iter().find_map(|q| spelled_unit(text, *q)).map(|unit| (unit, false));
+        // the density of what a metre is of is not known here
+        pressure_unit("", text).or_else(other).map(|(unit, is_absolute)| (unit.symbol, is_absolute))
     };
     a.eq_ignore_ascii_case(b) || (is_electric(a) && is_electric(b)) || of(a).is_some_and(|unit| of(b) == Some(unit))
 }

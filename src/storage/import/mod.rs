@@ -8,6 +8,7 @@
 //! | `tdms/` | NI TDMS |
 //! | `mcap/` | MCAP of other programs: JSON and protobuf messages |
 //! | `arrays/` | MAT files and HDF5, by way of text |
+//! | `json` | records and columns in JSON, by way of text |
 //! | `sheet` | workbooks of Excel and LibreOffice, by way of text |
 //! | `tables` | the tables of such files: texts become one source |
 //! | `kinds` | what a column measures, by its name and unit |
@@ -25,6 +26,7 @@ pub(crate) mod csv;
 pub(crate) mod decode;
 pub(crate) mod file;
 pub(crate) mod gaps;
+pub(crate) mod json;
 pub(crate) mod kinds;
 pub(crate) mod long;
 pub(crate) mod mcap;
@@ -35,13 +37,13 @@ pub(crate) mod tdms;
 pub(crate) mod understood;
 pub(crate) mod unit_warnings;
 
-pub use crate::storage::import::bind::{bind, check_names, require_sensors};
+pub use crate::storage::import::bind::{Bound, bind, check_names, require_sensors};
 pub use crate::storage::import::csv::heading::{time_symbol, time_unit};
 pub use crate::storage::import::csv::stamp::zone_seconds;
 pub use crate::storage::import::csv::text::encoding_named;
 pub use crate::storage::import::decode::{decode_source, read_source};
 pub use crate::storage::import::file::{Imported, import_file};
-pub use crate::storage::import::kinds::{is_electric, is_nameless, kind_of, kind_of_name};
+pub use crate::storage::import::kinds::{is_electric, is_nameless, kind_of, kind_of_name, line_like};
 pub use crate::storage::import::long::{ImportedLong, LongImport, OnSample, Pass};
 pub use crate::storage::import::source::{
     ImportOptions, Line, MessageTime, Repair, SourceFile, SourceOptions, Start, Track,

@@ -6,7 +6,8 @@ use std::str::FromStr;
 use encoding_rs::Encoding;
 use serde::Serialize;
 
-use crate::recording::Series;
+use crate::number::duration;
+use crate::recording::{Gap, Series};
 use crate::rig::spelled_unit;
 use crate::storage::layout::to_s;
 use crate::units::{Quantity, Unit};
@@ -171,6 +172,18 @@ impl Repair {
     pub(crate) fn missing_times(samples: u64) -> Repair {
         let text = format!("{samples} samples are missing from even grids of times: recorded as gaps");
         Repair::new("missing-times", samples as usize, None, text)
+    }
+
+    /// Times that stand on no even grid, and leave gaps of unknown length.
+    pub(crate) fn uneven(name: &str, series: &Series) -> Option<Repair> {
+        let gaps: Vec<&Gap> = series.gaps.iter().filter(|gap| gap.samples.is_none()).collect();
+        let longest = gaps.iter().map(|gap| gap.to_s - gap.from_s).reduce(f64::max)?;
+        let text = format!(
+            "the times of '{name}' are uneven, as where only what changes is written: {} recorded, the longest of {}",
+            counted(gaps.len(), "gap is", "gaps are"),
+            duration(longest)
+        );
+        Some(Repair { lost: true, ..Repair::new("uneven-times", gaps.len(), None, text) })
     }
 
     pub(crate) fn new(what: &'static str, count: usize, line: Option<usize>, text: impl Into<String>) -> Repair {

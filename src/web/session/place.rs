@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::SystemTime;
 
+use crate::report::advice::quoted;
 use crate::results::history::Index;
 use crate::results::history::schema::FILE;
 use crate::rig::Rig;
@@ -65,7 +66,8 @@ pub struct Place {
 type Told = ([Option<SystemTime>; 2], Vec<Run>, Vec<PathBuf>);
 
 /// How files of loggers end that become recordings.
-const TABLES: [&str; 12] = ["csv", "txt", "tsv", "dat", "lvm", "tdms", "xlsx", "xls", "ods", "mat", "h5", "hdf5"];
+const TABLES: [&str; 13] =
+    ["csv", "json", "txt", "tsv", "dat", "lvm", "tdms", "xlsx", "xls", "ods", "mat", "h5", "hdf5"];
 
 fn is_table(path: &Path) -> bool {
     path.extension().is_some_and(|own| TABLES.iter().any(|ending| own.eq_ignore_ascii_case(ending)))
@@ -114,6 +116,15 @@ impl Place {
                 let folder = file.parent().unwrap_or(Path::new(""));
                 let recordings = models::load(file)?.recordings.into_iter().map(|path| folder.join(path));
                 Ok(Place { model_file: Some(file.clone()), ..Place::default() }.with(recordings))
+            }
+            [first, _, ..] if paths.iter().all(|path| is_table(path)) => {
+                let files: Vec<String> = paths.iter().map(|path| quoted(&path.shown()).to_string()).collect();
+                let (files, folder) = (files.join(" "), folder_of(first));
+                Err(format!(
+                    "several tables are opened as one recording: `surgescope rig new {files}` writes the rig, `surgescope import {files} --rig rig.toml` joins them; or `surgescope open {}` takes one after the other",
+                    quoted(&folder.shown())
+                )
+                .into())
             }
             _ => match paths.iter().find(|path| path.is_dir() || is_model(path) || (paths.len() > 1 && is_table(path)))
             {

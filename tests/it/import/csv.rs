@@ -138,7 +138,7 @@ fn readings_of_one_time_that_differ_become_their_mean_and_are_said() {
         "run.csv",
         "time_s,P1,P2\n0.0,100,1\n0.1,100,1\n0.1,104,\n0.2,100,1\n0.3,100,1\n0.4,,1\n0.4,100,\n0.5,100,1\n",
     );
-    let (document, err) = bench.import(0, &["run.csv"]);
+    let (document, err) = bench.import(3, &["run.csv"]);
     let said = mended(&document, "contradicting-times");
     assert_eq!((&said["line"], &said["count"]), (&4.into(), &1.into()));
     assert!(err.contains("they differ by up to 4"), "{err}");
@@ -154,19 +154,19 @@ fn a_file_that_ends_within_a_line_costs_that_line_and_is_said_by_the_exit_code()
     assert_eq!(mended(&document, "cut-off")["line"], 4);
     assert_eq!(bench.recording().series[0].value, [100.0, 101.0]);
     // the last number is cut, and reads as one all the same
-    for (separator, cut) in [(",", "5"), (",", "501.0"), (";", "5"), (",", ""), (",", "-")] {
+    for (separator, cut) in [(",", "5"), (",", "51.0"), (";", "5"), (",", ""), (",", "-")] {
         let row = |time: &str, last: &str| [time, "100.000", last].join(separator);
         let rows = [
             row("time_s", "P2").replace("100.000", "P1"),
-            row("0.0", "501.000"),
-            row("0.1", "502.000"),
-            row("0.2", "501.500"),
+            row("0.0", "51.000"),
+            row("0.1", "52.000"),
+            row("0.2", "51.500"),
             row("0.3", cut),
         ];
         bench.put("run.csv", rows.join("\n"));
         let (document, _) = bench.import(3, &["run.csv"]);
         assert_eq!(mended(&document, "cut-off")["line"], 5);
-        assert_eq!(bench.recording().series[1].value, [501.0, 502.0, 501.5]);
+        assert_eq!(bench.recording().series[1].value, [51.0, 52.0, 51.5]);
     }
     // an editor, or a logger that began anew, gave the cut line its end
     bench.put("run.csv", "time_s,P1,P2\n0.0,100,1\n0.1,101,1\n0.2,10\n");

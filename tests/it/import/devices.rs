@@ -172,6 +172,19 @@ fn clocks_in_several_columns_and_of_two_devices() {
             "a colon before the milliseconds",
             table("Time,P1 (bar)\n", |i, p| format!("2026-03-14 09:26:53:{},{p:.4}", ms(i))),
         ),
+        ("a year of Thailand", table("Date,Time,P1 (bar)\n", |i, p| format!("14/03/2569,9:26:53.{},{p:.4}", ms(i)))),
+        (
+            "a semicolon before the milliseconds",
+            table("Time,P1 (bar)\n", |i, p| format!("3/14/2026 9:26:53;{},{p:.4}", ms(i))),
+        ),
+        ("the day of the year", table("Time,P1 (bar)\n", |i, p| format!("2026-073T09:26:53.{}Z,{p:.4}", ms(i)))),
+        ("a time code", table("IRIG,P1 (bar)\n", |i, p| format!("2026:073:09:26:53.{},{p:.4}", ms(i)))),
+        (
+            "names and types behind signs",
+            table("\"#NAMES\"\n\"t_stamp\",\"P1_bar\"\n\"#TYPES\"\n\"date\",\"D\"\n\"#ROWS\",\"60\"\n", |i, p| {
+                format!("\"2026-03-14 09:26:53.{}\",\"{p:.4}\"", ms(i))
+            }),
+        ),
         ("since 1970", table("timestamp,P1 (bar)\n", |i, p| format!("1773480413.{},{p:.4}", ms(i)))),
         ("since 1970 in ms", table("Time,P1 (bar)\n", |i, p| format!("1773480413{},{p:.4}", ms(i)))),
     ] {
@@ -184,6 +197,25 @@ fn clocks_in_several_columns_and_of_two_devices() {
         "bar",
         1.0,
     );
+    // thousandths that no zeros fill up; within each second they count from 0
+    for (name, mark) in [("a point", '.'), ("a colon", ':'), ("a semicolon", ';')] {
+        let text =
+            table("Time,P1 (bar)\n", |i, p| format!("9:26:{}{mark}{},{p:.4}", 53 + (970 + i) / 1000, (970 + i) % 1000));
+        is_read(name, &text, &guessing(), "bar", 1.0);
+    }
+    // pictures of a film are none
+    let film = table("Time,P1 (bar)\n", |i, p| format!("9:26:{}:{:02},{p:.4}", 53 + i / 25, i % 25));
+    assert!(read(&film, &guessing()).unwrap_err().contains("is not a time"), "{:?}", read(&film, &guessing()));
+    let of_day = table("Time,P1 (bar)\n", |i, p| format!("073:23:59:{:02}.{:03},{p:.4}", 59, 940 + i));
+    is_read("the day of a year that is not said", &of_day, &guessing(), "bar", 1.0);
+    let nameless = table("Date,Time,,P1 (bar)\n", |i, p| {
+        format!("14.03.2026,09:26:{},{},{p:.4}", 53 + (970 + i) / 1000, (970 + i) % 1000)
+    });
+    is_read("milliseconds without a name", &nameless, &guessing(), "bar", 1.0);
+    // what is meant as a time and not understood
+    let unread = table("Clock time,P1 (bar)\n", |i, p| format!("9h26m53s{},{p:.4}", ms(i)));
+    let why = read(&unread, &guessing()).unwrap_err();
+    assert!(why.contains("'9h26m53s250'") && why.contains("write them like 2026-03-14 09:26:53.250"), "{why}");
     let over = table("Time,P1 (bar)\n", |i, p| {
         let ms = 59 * 60_000 + 59_970 + i;
         format!("{:02}:{:02}.{:03},{p:.4}", ms / 60_000 % 60, ms / 1000 % 60, ms % 1000)
@@ -203,6 +235,38 @@ fn clocks_in_several_columns_and_of_two_devices() {
     let file = read(&autumn, &guessing()).unwrap();
     let time_s = &file.tracks[0].series.time_s;
     assert!(time_s.windows(2).all(|w| (w[1] - w[0] - 1.0).abs() < 1e-9) && time_s.len() == ROWS, "{time_s:?}");
+}
+
+/// Marks behind numbers, and tables in JSON.
+#[test]
+fn marks_behind_numbers_are_said_and_json_is_a_table() {
+    let marked = table("Time (ms),P1 (bar)\n", |i, p| {
+        format!(
+            "{i},{p:.4}{}",
+            if i % 9 == 4 {
+                "H"
+            } else if i == 6 {
+                "*"
+            } else {
+                ""
+            }
+        )
+    });
+    let file = is_read("marks", &marked, &guessing(), "bar", 1.0);
+    let marks = file.repairs.iter().find(|r| r.what == "marks").unwrap();
+    assert!(marks.guessed && marks.count == 8 && marks.text.contains("'H' 7 ×"), "{marks:?}");
+    let records: Vec<String> = (0..ROWS).map(|i| format!("{{\"t_ms\":{i},\"P1 (bar)\":{:.4}}}", bar(i))).collect();
+    is_read("records", &format!("[{}]", records.join(",")), &guessing(), "bar", 1.0);
+    is_read("lines", &records.join("\n"), &guessing(), "bar", 1.0);
+    let values: Vec<String> = (0..ROWS).map(|i| format!("{:.4}", bar(i))).collect();
+    is_read(
+        "columns",
+        &format!("{{\"sample_rate\":1000,\"P1 (bar)\":[{}]}}", values.join(",")),
+        &guessing(),
+        "bar",
+        1.0,
+    );
+    assert!(read("{\"a\":{\"b\":1}}", &guessing()).unwrap_err().contains("no table of records or of columns"));
 }
 
 /// Times to the second at 20 Hz need a rate; given, pauses stay pauses, and a wrong one is refused.

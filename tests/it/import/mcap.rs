@@ -82,6 +82,26 @@ fn put_foreign(bench: &Bench) {
     writer.finish().unwrap();
 }
 
+/// A dropped reading is no pressure, whatever the file.
+#[test]
+fn readings_that_fell_out_are_gaps_in_messages_too() {
+    let bench = Bench::new(&[("P1", "pressure", "bar", "")]);
+    let mut writer = mcap::Writer::new(fs::File::create(bench.path("other.mcap")).unwrap()).unwrap();
+    let channel_id = writer.add_channel(0, "/lab", "json", &BTreeMap::new()).unwrap();
+    for i in 0..200u32 {
+        let time = 1_773_476_813_000_000_000 + u64::from(i) * 10_000_000;
+        let header = MessageHeader { channel_id, sequence: i, log_time: time, publish_time: time };
+        let bar = if i == 70 || i == 130 { 0.0 } else { 5.0 + 0.1 * (0.2 * f64::from(i)).sin() };
+        writer.write_to_known_channel(&header, format!("{{\"bar\": {bar}}}").as_bytes()).unwrap();
+    }
+    writer.finish().unwrap();
+    let (document, _) = bench.import(3, &["other.mcap", "--map", "/lab.bar=P1"]);
+    assert_eq!(mended(&document, "missing-values")["count"], 2);
+    let series = &bench.recording().series[0];
+    assert_eq!((series.value.len(), series.gaps.len()), (198, 2));
+    assert!(series.value.iter().all(|v| (4.89..5.11).contains(v)));
+}
+
 #[test]
 fn without_a_map_the_numbers_that_are_there_are_listed() {
     let bench = Bench::plain();

@@ -7,6 +7,7 @@ mod foreign;
 mod mcap;
 mod stated;
 mod tdms;
+mod unread;
 mod written;
 
 use std::fs;

@@ -394,6 +394,7 @@ fn taken(
         repairs: Vec::new(),
         start_digit_s: None,
         columns: Vec::new(),
+        scaled: Vec::new(),
         names: Vec::new(),
     };
     if path.is_dir() {

@@ -27,7 +27,7 @@ use crate::rig::material::Material;
 use crate::rig::sizes::{EXAMPLES, PipeSize, pipe_size};
 use crate::rig::{Rig, Sensor, SensorKind, quantity_of, spelled_unit};
 use crate::shown::Shown as _;
-use crate::storage::import::{Line, SourceFile, SourceOptions, check_names, read_source};
+use crate::storage::import::{Line, SourceFile, SourceOptions, check_names, line_like, read_source};
 use crate::storage::nearest::listed;
 use crate::storage::{LogError, output};
 use crate::text_file::read_text;
@@ -309,10 +309,8 @@ fn unstated_units(sensors: &[DraftSensor]) -> Option<String> {
     let pressures: Vec<String> = open(true).filter(|s| !written(s)).map(|s| s.name.clone()).collect();
     let mut remedies: Vec<String> = Vec::new();
     remedies.extend(open(true).filter(written).map(|s| {
-        let name = &s.name;
-        format!(
-            "what the numbers of '{name}' stand for with --scale, as in --scale '{name}=FACTOR*x bar' with its number"
-        )
+        let (name, line) = (&s.name, line_like(&s.unit.why, "bar"));
+        format!("what the numbers of '{name}' stand for with --scale, as in --scale '{name}={line}' with its number")
     }));
     if !pressures.is_empty() {
         remedies.push(format!("that of the pressures ({}) with --unit (bar, kPa, psi, m(H2O), …)", listed(&pressures)));

@@ -24,6 +24,7 @@ struct Table<'c> {
 /// # Errors
 /// No array is a series.
 pub(crate) fn tables_of_arrays(contents: Contents) -> Result<Tables, String> {
+    let contents = headed(contents);
     let Contents { arrays, texts, unread } = &contents;
     let (mut repairs, mut left_out) = (Vec::new(), unread.clone());
     let series: Vec<&Array> = arrays.iter().filter(|a| a.samples() > 1).collect();
@@ -99,6 +100,23 @@ pub(crate) fn tables_of_arrays(contents: Contents) -> Result<Tables, String> {
     let stated = stated(arrays, texts);
     let texts = tables.iter().map(|t| (t.arrays[0].name.clone(), stated.clone() + &t.text(&columns, texts))).collect();
     Ok(Tables { texts, repairs, left_out, paths: true })
+}
+
+/// Names and units of arrays that stand in a structure of their own: `Channel_2_Header` beside `Channel_2_Data`.
+fn headed(mut contents: Contents) -> Contents {
+    let said = |array: &Array, field: &str| {
+        let place = format!("{}_Header/{field}", array.name.strip_suffix("_Data")?);
+        contents.texts.iter().find(|(name, _)| *name == place).map(|(_, text)| text.trim().replace('/', " "))
+    };
+    let found: Vec<_> = contents.arrays.iter().map(|a| (said(a, "SignalName"), said(a, "Unit"))).collect();
+    for (at, (name, unit)) in found.iter().enumerate() {
+        let is_own = name.is_some() && found.iter().filter(|(other, _)| other == name).count() == 1;
+        if let Some(name) = name.as_ref().filter(|_| is_own) {
+            contents.arrays[at].name = name.clone();
+        }
+        contents.texts.extend(unit.as_ref().map(|unit| (format!("{}/unit", contents.arrays[at].name), unit.clone())));
+    }
+    contents
 }
 
 /// Attributes that change the numbers or say where they count from, as remarks above the table.
@@ -254,6 +272,19 @@ mod tests {
         ];
         let found = tables(own, &[("P1/unit", "bar")]);
         assert_eq!(texts(&found), ["time (s)\tP1 (bar)\n0\t1\n0.5\t2\n", "time (s)\tT1\n0\t20\n2\t21\n"]);
+    }
+
+    /// As catman writes it.
+    #[test]
+    fn a_structure_beside_an_array_heads_it() {
+        let arrays = vec![array("Channel_1_Data", [2, 1], &[0.0, 0.5]), array("Channel_2_Data", [2, 1], &[5.0, 6.0])];
+        let texts_of = [
+            ("Channel_1_Header/SignalName", "Time  1 - default sample rate"),
+            ("Channel_1_Header/Unit", "s"),
+            ("Channel_2_Header/SignalName", "Valve"),
+            ("Channel_2_Header/Unit", "kPa"),
+        ];
+        assert_eq!(texts(&tables(arrays, &texts_of)), ["time (s)\tValve (kPa)\n0\t5\n0.5\t6\n"]);
     }
 
     #[test]

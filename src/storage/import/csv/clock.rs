@@ -30,6 +30,8 @@ pub(crate) struct Clock {
     name: String,
     date_name: Option<String>,
     order: Order,
+    /// Digits of fractions that no zeros fill up.
+    unpadded: Option<usize>,
     zone_s: i32,
     zone_assumed: bool,
     repairs: Vec<Repair>,
@@ -58,14 +60,14 @@ pub(crate) struct Clock {
 }
 
 impl Clock {
-    /// The clock of some columns of a table; `shown` are cells of date-times, which may tell the order of day and month.
+    /// The clock of some columns of a table; `shown` are the cells of a column, which may tell how date-times are written.
     ///
     /// # Errors
     /// A date that may be two, and nothing shows which.
-    pub(crate) fn new<'c>(
+    pub(crate) fn new<'c, I: Iterator<Item = &'c str>>(
         columns: Columns,
         table: &[Column],
-        shown: impl Fn(usize) -> Option<&'c str>,
+        shown: impl Fn(usize) -> I,
         all_dates: impl Fn(usize) -> Option<Order>,
         options: &SourceOptions,
     ) -> Result<Clock, CsvProblem> {
@@ -73,7 +75,7 @@ impl Clock {
         let date = columns.date.or(columns.host).or(columns.time.filter(|_| columns.form == Form::Stamps));
         let mut repairs = Vec::new();
         let mut order = options.order();
-        if let Some((column, cell)) = date.and_then(|column| Some((column, shown(column)?)))
+        if let Some((column, cell)) = date.and_then(|column| Some((column, shown(column).next()?)))
             && order == Order::Unknown
         {
             order = stamp::order_shown(cell).or_else(|| all_dates(column)).unwrap_or(Order::Unknown);
@@ -92,6 +94,7 @@ impl Clock {
         let zone_s = options.zone_s.or(zone);
         Ok(Clock {
             date_name: columns.date.map(|i| table[i].heading.clone()),
+            unpadded: columns.time.and_then(|i| Stamp::unpadded(shown(i))),
             columns,
             name,
             order,
@@ -162,7 +165,7 @@ impl Clock {
                 to_s(ns - *self.first_ns.get_or_insert(ns))
             }
             Form::Stamps => to_s(self.stamped(row, numbers)?),
-            Form::Counted(interval_s) => self.counted(row, numbers, interval_s)?,
+            Form::Counted { interval_s, wraps_at } => self.counted(row, numbers, interval_s, wraps_at)?,
         };
         let time_s = self.in_segment(time_s);
         to_ns(time_s).map(|_| time_s).ok_or_else(|| CsvProblem::TimeOutOfRange(self.cell(row).into()))
@@ -197,17 +200,26 @@ impl Clock {
 
     /// Counts on where a counter of four bytes begins anew.
     fn unwrapped(&mut self, value: f64) -> f64 {
-        if self.last_count - value > 0.5 * FOUR_BYTES && self.last_count < FOUR_BYTES {
-            self.added_counts += FOUR_BYTES;
-            let text = format!("'{}' begins anew at {value}, as a counter of 32 bits does: the times go on", self.name);
-            self.repairs.push(Repair::new("counter-wrap", 1, None, text));
+        let wraps = self.last_count - value > 0.5 * FOUR_BYTES && self.last_count < FOUR_BYTES;
+        self.counted_on(value, wraps.then_some(FOUR_BYTES))
+    }
+
+    /// Counts on where a counter begins anew at some count.
+    fn counted_on(&mut self, value: f64, wraps_at: Option<f64>) -> f64 {
+        if let Some(wraps_at) = wraps_at {
+            if self.added_counts == 0.0 {
+                let text = format!("'{}' counts to {} and begins anew: the times go on", self.name, wraps_at - 1.0);
+                self.repairs.push(Repair::new("counter-wrap", 1, None, text));
+            }
+            self.added_counts += wraps_at;
         }
         self.last_count = value;
         value + self.added_counts
     }
 
     fn stamp(&self, row: &Row<'_>, column: usize) -> Option<Stamp> {
-        let stamp = Stamp::parse(row.get(column)?, self.order)?;
+        let unpadded = self.unpadded.filter(|_| self.columns.time == Some(column));
+        let stamp = Stamp::parse(row.get(column)?, self.order)?.with_fraction(unpadded)?;
         match self.columns.date.filter(|date| *date != column) {
             Some(date) if !stamp.has_date => Some(Stamp::parse(row.get(date)?, self.order)?.joined(stamp)),
             _ => Some(stamp),
@@ -221,6 +233,12 @@ impl Clock {
         // a date alone is no time among date-times
         if self.first_ns.is_some() && stamp.has_date != self.has_date {
             return Err(bad());
+        }
+        if stamp.is_buddhist && self.first_ns.is_none() {
+            let year = stamp.date().format("%Y");
+            let text =
+                format!("the years of '{}' count from the Buddha, as in Thailand: the first is {year}", self.name);
+            self.repairs.push(Repair::new("era", 1, None, text));
         }
         self.has_date = stamp.has_date;
         self.zone_assumed &= stamp.zone_s.is_none();
@@ -260,7 +278,13 @@ impl Clock {
 
     /// The time of a counted sample. Where there are date-times beside it, too coarse for its rate, a pause in them is one in the samples, and a rate
     /// that contradicts them is refused.
-    fn counted(&mut self, row: &Row<'_>, numbers: &mut Numbers, interval_s: f64) -> Result<f64, CsvProblem> {
+    fn counted(
+        &mut self,
+        row: &Row<'_>,
+        numbers: &mut Numbers,
+        interval_s: f64,
+        wraps_at: Option<f64>,
+    ) -> Result<f64, CsvProblem> {
         let place = self.rows as f64;
         self.rows += 1;
         let per_s = 1.0 / interval_s;
@@ -287,7 +311,10 @@ impl Clock {
                 }
                 Ok(time_s)
             }
-            Some(_) => Ok(after(self.number(row, numbers)?)),
+            Some(_) => {
+                let count = self.number(row, numbers)?;
+                Ok(after(self.counted_on(count, wraps_at.filter(|_| count < self.last_count))))
+            }
         }
     }
 
@@ -321,7 +348,7 @@ impl Clock {
             }
             Form::Numbers(_) if name != "time_s" => ("time-column", format!("the times are in '{name}', in seconds")),
             Form::Numbers(_) | Form::Days => return repairs,
-            Form::Counted(_) if !self.has_date => return repairs,
+            Form::Counted { .. } if !self.has_date => return repairs,
             Form::Since1970(_) => ("date-times", format!("'{name}' counts from 1970; time 0 is the first time")),
             _ if self.columns.date.is_some() => (
                 "date-times",

@@ -1,6 +1,7 @@
 //! Even grids of times, and the times missing from them.
 
 use crate::recording::Gap;
+use crate::robust::median;
 
 /// Steps within this of the median, as a part of it, are the same step.
 pub(crate) const SAME_STEP: f64 = 0.1;
@@ -31,6 +32,23 @@ pub(crate) fn even_step(time_s: &[f64]) -> Option<f64> {
 pub fn even_holes(time_s: &[f64]) -> Vec<Hole> {
     even_step(time_s).map_or(Vec::new(), |step_s| holes(time_s, step_s))
 }
+
+/// A step of so many usual ones is a gap where the times stand on no even grid.
+const LONG_STEPS: f64 = 20.0;
+
+/// Gaps among increasing times that stand on no even grid, as where only what changes is written: nobody knows how many samples they lack.
+pub(crate) fn uneven_gaps(time_s: &[f64]) -> Vec<Gap> {
+    let steps = || time_s.windows(2).map(|w| w[1] - w[0]);
+    if even_step(time_s).is_some() || time_s.len() < ENOUGH {
+        return Vec::new();
+    }
+    let usual_s = median(&mut steps().collect::<Vec<_>>());
+    let long = time_s.windows(2).filter(|w| w[1] - w[0] > LONG_STEPS * usual_s);
+    long.map(|w| Gap { from_s: w[0], to_s: w[1], samples: None }).collect()
+}
+
+/// So many times show that they stand on no grid.
+const ENOUGH: usize = 20;
 
 fn holes(time_s: &[f64], step_s: f64) -> Vec<Hole> {
     let pairs = time_s.windows(2).enumerate();

@@ -5,14 +5,14 @@ use std::borrow::Cow;
 use crate::rig::quantity_of;
 use crate::storage::import::csv::cell::{Cell, with_unit};
 use crate::storage::import::csv::heading::{
-    header_unit, is_date_name, is_factor, is_factored, is_known_unit, is_time_name, time_unit,
+    header_unit, is_date_name, is_factor, is_factored, is_known_unit, is_time_name, key_of, time_unit,
 };
 use crate::storage::import::csv::late::{Late, is_numbers, without_brackets};
 use crate::storage::import::csv::lines::Line;
 use crate::storage::import::csv::row::{Row, is_row};
 use crate::storage::import::csv::settings::{Settings, is_key};
 use crate::storage::import::kinds::{
-    is_electric, is_nameless, kind_of_name, pressure_unit, quantity_of_unit, same_unit,
+    is_above_level, is_electric, is_nameless, kind_of_name, pressure_unit, quantity_of_unit, same_unit,
 };
 use crate::storage::import::source::{NAMELESS, Repair, SourceOptions, is_place};
 
@@ -92,6 +92,11 @@ impl Column {
     }
 }
 
+/// Whether a unit is a length, in which heads are given; a water column is a pressure.
+fn is_head(unit: &str) -> bool {
+    ["m", "cm", "mm", "ft", "in"].contains(&unit.to_lowercase().as_str())
+}
+
 /// Whether two known units, of times or of other quantities, are not the same.
 fn differ(one: &str, other: &str) -> bool {
     match (time_unit(one), time_unit(other)) {
@@ -158,13 +163,15 @@ impl<'t> Layout<'t> {
         let width = width_of(&judged).unwrap_or_else(|| of(first).len());
         let mut above: Vec<usize> =
             (0..first).filter(|&at| is_row(lines[at].text) || lines[at].text.starts_with('#')).collect();
+        let is_other = |at: usize| titled(&rows, at, of).is_some_and(|title| title != "names");
+        let named: Vec<usize> = above.iter().copied().filter(|at| !is_other(*at)).collect();
         let mut headings = Vec::new();
         if is_numbered {
             headings.push(first);
             above.push(first);
             first = data[0];
         } else {
-            for &at in above.iter().rev().take(MOST_HEADINGS) {
+            for &at in named.iter().rev().take(MOST_HEADINGS) {
                 let cells = heading_cells(lines[at].text, separator);
                 match late.is_heading(&cells, width) {
                     // it says what it is: a setting
@@ -174,7 +181,7 @@ impl<'t> Layout<'t> {
                 }
             }
         }
-        if let Some(names) = names_above(&headings, &above, lines, separator, &late, width) {
+        if let Some(names) = names_above(&headings, &named, lines, separator, &late, width) {
             headings = names;
         }
         let least = if late.is_numbering(&judged) { late.least(width) } else { usize::MAX };
@@ -282,6 +289,7 @@ impl<'t> Layout<'t> {
         let (units, names) = (self.settings.units(width, values), self.settings.names(width, values));
         let factors = self.settings.factors(width, values);
         let is_absolute = self.settings.is_absolute();
+        let level = self.settings.level().map(str::to_owned);
         for &i in values {
             let column = &mut self.columns[i];
             if let Some((name, unit)) = self.settings.channel(&column.name) {
@@ -304,11 +312,18 @@ impl<'t> Layout<'t> {
             {
                 unit.push_str(" abs");
             }
+            // a head counts from the level that is named, a pressure does not
+            if let Some(level) = level.as_ref().or(Some(&column.heading).filter(|name| is_above_level(name)))
+                && column.unit.as_deref().is_some_and(is_head)
+            {
+                column.unit = Some(format!("m, {level}"));
+            }
             factors.iter().filter(|(at, _)| *at == i).for_each(|(_, factor)| column.take_factor(factor));
             if let Some((_, name)) =
                 names.iter().find(|(at, _)| *at == i).filter(|_| column.name.is_empty() || is_nameless(&column.name))
             {
-                *column = Column { unit: column.unit.take(), ..Column::of(name) };
+                let named = Column::of(name);
+                *column = Column { unit: column.unit.take().or(named.unit.clone()), ..named };
             }
         }
     }
@@ -381,6 +396,19 @@ fn first_row(rows: &[usize], is_data: impl Fn(usize) -> bool) -> Option<usize> {
         }
     }
     None
+}
+
+/// What a line holds where the file says so, in lower case: by a word of its own behind a `#` in quotes, or by one that stands alone above it, as
+/// `"#NAMES"` and `"#TYPES"`.
+fn titled<'t>(rows: &[usize], at: usize, of: impl Fn(usize) -> Vec<Cow<'t, str>>) -> Option<String> {
+    let is_row = |at: usize| rows.binary_search(&at).is_ok();
+    let title = |at: usize| {
+        let cell = of(at).first().filter(|cell| is_row(at) && cell.starts_with('#')).map(|cell| key_of(cell));
+        cell.filter(|title| !title.is_empty())
+    };
+    let above = rows[..rows.partition_point(|row| *row < at)].last();
+    let is_alone = |at: &&usize| of(**at)[1..].iter().all(|cell| cell.is_empty());
+    title(at).or_else(|| above.filter(is_alone).and_then(|&above| title(above)))
 }
 
 /// So many lines of numbers on end are rows; half of a shorter table is enough.

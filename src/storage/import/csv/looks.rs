@@ -9,6 +9,15 @@ use crate::storage::import::csv::stamp::Stamp;
 /// Steps of an even column differ from their median by less than this share of it, in nineteen of twenty.
 pub(crate) const EVEN: f64 = 0.1;
 
+/// A logger of water hammer takes so many samples a second, and runs no longer than so many seconds.
+const RATES_HZ: [f64; 2] = [50.0, 2e5];
+const LASTS_S: f64 = 7200.0;
+/// Samples of a period `4L/a` at least.
+const LEAST_A_PERIOD: f64 = 20.0;
+/// Units that a time without one may have: name and seconds.
+pub(crate) const UNITS: [(&str, f64); 6] =
+    [("s", 1.0), ("ms", 1e-3), ("d", 86_400.0), ("us", 1e-6), ("min", 60.0), ("ns", 1e-9)];
+
 /// What a column looks like.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Looks {
@@ -94,7 +103,13 @@ pub(crate) fn take_unit_columns(layout: &mut Layout<'_>, looks: &[Looks]) {
     }
 }
 
-/// Of columns of the least, the mean and the largest value of one channel in each interval, those that are not the mean.
+/// How one channel stands in several columns: in the first as it is, in the others made of it.
+const MEANS: [&str; 6] = ["avg", "mean", "average", "ave", "raw", "unfiltered"];
+const MADE: [&str; 11] =
+    ["min", "max", "std", "sd", "minimum", "maximum", "filtered", "filt", "smoothed", "smooth", "lowpass"];
+
+/// Of columns of the least, the mean and the largest value of one channel in each interval, those that are not the mean; and those of a channel that was
+/// filtered, where it stands beside as it was.
 pub(crate) fn extremes(columns: &[Column], values: &[usize]) -> Vec<usize> {
     let split = |i: usize| {
         let name = columns[i].name.trim_end_matches(')').to_lowercase();
@@ -102,10 +117,9 @@ pub(crate) fn extremes(columns: &[Column], values: &[usize]) -> Vec<usize> {
         Some((base.trim_end().to_owned(), word.to_owned()))
     };
     let is = |i: usize, words: &[&str]| split(i).filter(|(_, word)| words.contains(&word.as_str()));
-    let means: Vec<String> =
-        values.iter().filter_map(|&i| Some(is(i, &["avg", "mean", "average", "ave"])?.0)).collect();
-    let others = ["min", "max", "std", "sd", "minimum", "maximum"];
-    values.iter().copied().filter(|&i| is(i, &others).is_some_and(|(base, _)| means.contains(&base))).collect()
+    let plain = |i: usize| is(i, &MEANS).map_or_else(|| columns[i].name.to_lowercase(), |(base, _)| base);
+    let bases: Vec<String> = values.iter().filter(|&&i| is(i, &MADE).is_none()).map(|&i| plain(i)).collect();
+    values.iter().copied().filter(|&i| is(i, &MADE).is_some_and(|(base, _)| bases.contains(&base))).collect()
 }
 
 /// The usual step of times that rise.
@@ -123,4 +137,37 @@ fn is_even(values: &[f64]) -> bool {
     let median = median(&mut steps);
     let even = steps.iter().filter(|s| (**s - median).abs() <= EVEN * median).count();
     median > 0.0 && 20 * even >= 19 * steps.len()
+}
+
+/// The units in which times are those of a water-hammer test, the likeliest first.
+pub(crate) fn likely_units(values: &[f64], period_s: Option<f64>) -> Vec<&'static str> {
+    let (Some(first), Some(last)) = (values.first(), values.last()) else { return Vec::new() };
+    let Some(step) = median_step(values) else { return Vec::new() };
+    let lasts_s = |unit_s: f64| (last - first) * unit_s;
+    let fits = |unit_s: f64| {
+        let rate_hz = 1.0 / (step * unit_s);
+        let usual = (RATES_HZ[0]..=RATES_HZ[1]).contains(&rate_hz) && lasts_s(unit_s) <= LASTS_S;
+        usual && period_s.is_none_or(|p| rate_hz * p > LEAST_A_PERIOD)
+    };
+    let mut likely: Vec<(&str, f64)> = UNITS.iter().copied().filter(|(_, unit_s)| fits(*unit_s)).collect();
+    if likely.len() > 1 {
+        // a test is longer than a period
+        likely.retain(|(_, unit_s)| period_s.is_none_or(|p| lasts_s(*unit_s) > p));
+    }
+    likely.into_iter().map(|(name, _)| name).collect()
+}
+
+/// Never falls, but for a few lines out of place, and does rise.
+pub(crate) fn rises(values: &[f64]) -> bool {
+    let falls = values.windows(2).filter(|w| w[1] < w[0]).count();
+    20 * falls <= values.len() && values.windows(2).any(|w| w[1] > w[0]) || values.len() < 2
+}
+
+pub(crate) fn distinct(values: &[f64]) -> usize {
+    1 + values.windows(2).filter(|w| w[0] != w[1]).count()
+}
+
+/// More than a few times stand twice.
+pub(crate) fn repeats(values: &[f64]) -> bool {
+    5 * (values.len() - distinct(values).min(values.len())) > values.len()
 }

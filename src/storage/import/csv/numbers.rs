@@ -1,9 +1,12 @@
 //! The numbers of a table, and how they are written.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use crate::storage::error::CsvProblem;
+use crate::storage::import::csv::heading::time_unit;
 use crate::storage::import::csv::missing::{missing, says_missing};
+use crate::storage::import::kinds::{is_electric, is_unit};
 use crate::storage::import::source::Repair;
 
 /// Reads cells, and holds the file to one decimal mark.
@@ -17,6 +20,8 @@ pub(crate) struct Numbers {
     /// A mark that stood between thousands beside the decimal one.
     seen: Option<char>,
     grouped: usize,
+    /// Marks behind numbers, and how often each stands.
+    flags: BTreeMap<String, usize>,
     scratch: String,
 }
 
@@ -28,7 +33,16 @@ impl Numbers {
 
     /// Of a table whose thousands may be separated by a mark that would otherwise be a decimal one.
     pub(crate) fn new(separator: char, thousands: Option<char>) -> Numbers {
-        Numbers { separator, strict: false, thousands, mark: None, seen: None, grouped: 0, scratch: String::new() }
+        Numbers {
+            separator,
+            strict: false,
+            thousands,
+            mark: None,
+            seen: None,
+            grouped: 0,
+            flags: BTreeMap::new(),
+            scratch: String::new(),
+        }
     }
 
     /// The number of a cell; NaN where it is empty, [`missing`] where it says that it has none.
@@ -43,6 +57,16 @@ impl Numbers {
             Ok(_) => Err(CsvProblem::NotFinite { column: column.into(), cell: cell.into() }),
             Err(problem) => Err(problem),
         }
+    }
+
+    /// [`read`](Self::read) in a column of numbers, where a mark may stand behind one: `10.09H`, `10.1*`.
+    pub(crate) fn read_marked(&mut self, cell: &str, column: &str) -> Result<f64, CsvProblem> {
+        self.read(cell, column).or_else(|problem| {
+            let (number, flag) = flagged(cell).ok_or_else(|| problem.clone())?;
+            let value = self.number(number, column).map_err(|_| problem)?;
+            *self.flags.entry(flag.to_owned()).or_default() += 1;
+            Ok(value)
+        })
     }
 
     fn number(&mut self, cell: &str, column: &str) -> Result<f64, CsvProblem> {
@@ -110,8 +134,27 @@ impl Numbers {
                 ..Repair::new("thousands", self.grouped, None, text)
             });
         }
+        let listed: Vec<String> = self.flags.iter().map(|(flag, count)| format!("'{flag}' {count} ×")).collect();
+        if !listed.is_empty() {
+            let count = self.flags.values().sum();
+            let text = format!("marks stand behind numbers ({}), which hold as they are", listed.join(", "));
+            repairs.push(Repair { guessed: true, ..Repair::new("marks", count, None, text) });
+        }
         repairs
     }
+}
+
+/// Letters behind a number that are a part of it, or a factor.
+const NO_FLAGS: &str = "eEdDxXkKMGTmunpf";
+
+/// A number and the mark behind it: a letter that is no unit, or up to three signs.
+fn flagged(cell: &str) -> Option<(&str, &str)> {
+    let at = cell.rfind(|c: char| c.is_ascii_digit())? + 1;
+    let (number, flag) = (&cell[..at], cell[at..].trim());
+    let is_letter = flag.len() == 1 && flag.chars().all(|c| c.is_ascii_alphabetic()) && !NO_FLAGS.contains(flag);
+    let is_unit = is_electric(flag) || is_unit("", flag) || (flag == flag.to_lowercase() && time_unit(flag).is_some());
+    let is_sign = (1..=3).contains(&flag.len()) && flag.chars().all(|c| "*#!?~^&$".contains(c));
+    ((is_letter && !is_unit) || is_sign).then_some((number, flag))
 }
 
 /// Fortran writes `2.80D+00`.
@@ -266,5 +309,23 @@ mod tests {
         assert_eq!(numbers.read("2.802", "").unwrap(), 2802.0);
         assert_eq!(numbers.read("1.002,5", "").unwrap(), 1002.5);
         assert!(numbers.repairs().iter().any(|r| r.what == "thousands" && r.guessed));
+    }
+
+    #[test]
+    fn a_mark_behind_a_number_is_none_of_its_digits_and_no_unit() {
+        let mut numbers = Numbers::new(',', None);
+        let mut read = |cell| numbers.read_marked(cell, "P1").ok();
+        assert_eq!(
+            (read("10.09H"), read("10.1*"), read("-3.5 L"), read("7")),
+            (Some(10.09), Some(10.1), Some(-3.5), Some(7.0))
+        );
+        for cell in ["1.2k", "10.0V", "1.5e", "12 bar", "7C", "H10", "1.2.3", "5HH"] {
+            assert_eq!(read(cell), None, "{cell}");
+        }
+        let said = numbers.repairs();
+        assert!(
+            said.iter().any(|r| r.guessed && r.count == 3 && r.text.contains("'*' 1 ×, 'H' 1 ×, 'L' 1 ×")),
+            "{said:?}"
+        );
     }
 }

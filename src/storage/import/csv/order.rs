@@ -17,6 +17,15 @@ const SAVED_S: f64 = 3600.0;
 
 /// Brings the table into order; `local` times are those of a wall clock without a zone.
 pub(crate) fn put_in_order(table: &mut Table, repairs: &mut Vec<Repair>, local: bool) -> Result<Vec<Hole>, CsvFault> {
+    if table.time_s.len() > 2 && table.time_s.windows(2).all(|w| w[1] < w[0]) {
+        turn(table);
+        repairs.push(Repair::new(
+            "reversed",
+            1,
+            None,
+            "the lines stand from the last to the first: they are turned around",
+        ));
+    }
     let displaced = displaced(table)?;
     let in_order = displaced.and_then(|_| even_step(&in_order(&table.time_s)));
     if let Some((count, line)) = displaced {
@@ -56,7 +65,10 @@ pub(crate) fn put_in_order(table: &mut Table, repairs: &mut Vec<Repair>, local: 
                 table.line[jump.before + 1]
             );
         }
-        repairs.push(Repair::new("missing-times", missing as usize, Some(table.line[first.before]), text));
+        // more is missing than is there, here and there: a log of what changes, or of a device that could not keep up
+        let lost = holes.len() > 1 && missing as usize > table.time_s.len();
+        let missing = Repair::new("missing-times", missing as usize, Some(table.line[first.before]), text);
+        repairs.push(Repair { lost, ..missing });
     }
     Ok(holes)
 }
@@ -93,6 +105,11 @@ fn in_order(time_s: &[f64]) -> Vec<f64> {
         is_later
     };
     time_s.iter().copied().filter(later).collect()
+}
+
+fn turn(table: &mut Table) {
+    std::iter::once(&mut table.time_s).chain(&mut table.columns).for_each(|column| column.reverse());
+    table.line.reverse();
 }
 
 fn sort(table: &mut Table) {
@@ -177,7 +194,7 @@ fn join_repeats(table: &mut Table, repairs: &mut Vec<Repair>) -> Result<(), CsvF
             "{} more than once with different values: the mean was taken; they differ by up to {most:.4}",
             counted(differing, "time occurs", "times occur")
         );
-        repairs.push(Repair::new("contradicting-times", differing, differing_line, text));
+        repairs.push(Repair { lost: true, ..Repair::new("contradicting-times", differing, differing_line, text) });
     }
     Ok(())
 }

@@ -7,25 +7,23 @@ use crate::storage::import::csv::heading::{
     heading_unit, is_counter_name, is_factored, is_time_name, time_unit, unit_of_name,
 };
 use crate::storage::import::csv::layout::{Column, Layout};
-use crate::storage::import::csv::looks::{EVEN, Looks, median_step, take_unit_columns};
+use crate::storage::import::csv::looks::{
+    EVEN, Looks, UNITS, distinct, likely_units, median_step, repeats, rises, take_unit_columns,
+};
 use crate::storage::import::csv::stamp::Stamp;
 use crate::storage::import::kinds::{is_electric, is_unit, kind_of_name};
-use crate::storage::import::source::{Repair, SourceOptions};
+use crate::storage::import::source::{NAMELESS, Repair, SourceOptions};
 use crate::storage::nearest::listed;
 
-/// A logger of water hammer takes so many samples a second, and runs no longer than so many seconds.
-const RATES_HZ: [f64; 2] = [50.0, 2e5];
-const LASTS_S: f64 = 7200.0;
-/// Samples of a period `4L/a` at least.
-const LEAST_A_PERIOD: f64 = 20.0;
-/// Units that a time without one may have: name and seconds.
-const UNITS: [(&str, f64); 6] = [("s", 1.0), ("ms", 1e-3), ("d", 86_400.0), ("us", 1e-6), ("min", 60.0), ("ns", 1e-9)];
 /// No logger of a test waits longer between two samples, s.
 const LONGEST_STEP_S: f64 = 60.0;
 /// Two clocks whose lengths differ by this factor are in two units: the nearest two of time are 24 apart.
 const OTHER_UNIT: f64 = 5.0;
 /// A clock that runs for fewer of its digits says nothing of its unit.
 const LEAST_DIGITS: f64 = 2.0;
+/// Counters of one, two, three and four bytes, and of a few decimal digits, begin anew at these, and come near to them before.
+const COUNTERS_WRAP: [f64; 8] = [100.0, 256.0, 1e3, 1e4, 65_536.0, 1e6, 16_777_216.0, 4_294_967_296.0];
+const LAST_BEFORE: f64 = 0.9;
 /// Times since 1970 lie between 2001 and 2100, s.
 const SINCE_1970_S: [f64; 2] = [1e9, 4.1e9];
 
@@ -40,8 +38,13 @@ pub(crate) enum Form {
     Days,
     /// Date-times, dates and times of the day in two columns, or times of the day.
     Stamps,
-    /// One sample after the other, this many seconds apart.
-    Counted(f64),
+    /// One sample after the other.
+    Counted {
+        /// Time from one to the next, s.
+        interval_s: f64,
+        /// Where the column that counts them begins anew at 0, if it does.
+        wraps_at: Option<f64>,
+    },
 }
 
 /// Columns that give times, and those whose values they give them for.
@@ -167,6 +170,12 @@ impl Finder<'_, '_> {
             .collect();
         let host = self.stamps_clock(&stamps);
         let fraction = host.as_ref().and_then(|clock| clock.fraction.map(|(column, _)| column));
+        if let Some(column) = fraction.filter(|i| self.fraction_unit(*i).is_none()) {
+            let heading = &self.column(column).heading;
+            let name = if heading.is_empty() { format!("{NAMELESS}{}", column + 1) } else { heading.clone() };
+            let text = format!("'{name}' counts parts of the second of the time before it");
+            repairs.push(Repair::guess("fraction", text));
+        }
         // what is called a time is one, in whatever order its rows stand
         let changes = |i: usize| self.values(i).windows(2).any(|w| w[0] != w[1]) || self.values(i).len() < 2;
         let is_time = |i: usize| changes(i) && (is_time_name(&self.column(i).name) || rises(self.values(i)));
@@ -228,11 +237,24 @@ impl Finder<'_, '_> {
             .filter(|_| !has_date);
         let fraction = stamp(time).filter(|s| s.has_time).and_then(|_| {
             let right = (time + 1..self.looks.len()).find(|&i| self.looks[i] != Looks::Empty)?;
-            let unit_s = self.fraction_unit(right)?;
+            let unit_s = self.fraction_unit(right).or_else(|| self.counts_within(right, time))?;
             let fits = self.values(right).iter().all(|v| (0.0..1.0).contains(&(v * unit_s)));
             (fits && self.begins_anew(right, time)).then_some((right, unit_s))
         });
         Some(Clock { time: Some(time), form: Form::Stamps, date, fraction, values: Vec::new(), host: None })
+    }
+
+    /// Seconds of the unit of a column that nothing names, if it holds fractions, thousandths or millionths of a second: it falls where the second changes, and nowhere else.
+    fn counts_within(&self, part: usize, time: usize) -> Option<f64> {
+        let most = self.values(part).iter().copied().fold(0.0, f64::max);
+        let unit_s = [1.0, 1e-3, 1e-6].into_iter().find(|unit_s| (0.5..1.0).contains(&(most * unit_s)))?;
+        let whole = self.values(part).iter().all(|v| (unit_s == 1.0 || v.fract() == 0.0) && *v >= 0.0);
+        let rows: Vec<(&str, f64)> =
+            self.layout.column(time).zip(self.layout.column(part)).map(|(t, p)| (t, Cell::of(p).value())).collect();
+        let changes = rows.windows(2).filter(|w| w[0].0 != w[1].0).count();
+        // the rows that are judged are those at both ends of the table
+        let odd = rows.windows(2).filter(|w| (w[0].0 != w[1].0) != (w[1].1 < w[0].1)).count();
+        (whole && changes > 0 && odd <= changes / 3 && !self.is_quantity(part)).then_some(unit_s)
     }
 
     /// Parts of a second fall where the second changes; what only rises across is a clock of its own.
@@ -380,19 +402,28 @@ impl Finder<'_, '_> {
         let rate = significant(1.0 / interval_s, 6);
         let by = said.map_or(String::new(), |said| format!(", as {said} says"));
         // a counter counts what is missing, too
-        let counts = |&i: &usize| {
-            let steps = || self.values(i).windows(2).map(|w| w[1] - w[0]);
+        let counts = |i: usize| {
+            let values = self.values(i);
+            let most = values.iter().copied().fold(0.0, f64::max);
+            let falls = values.windows(2).any(|w| w[1] < w[0]);
+            let wraps_at =
+                COUNTERS_WRAP.into_iter().find(|wrap| most < *wrap && most > LAST_BEFORE * wrap).filter(|_| falls);
+            let steps =
+                || values.windows(2).map(|w| w[1] - w[0]).map(|s| wraps_at.map_or(s, |wrap| s.rem_euclid(wrap)));
             let ones = steps().filter(|step| *step == 1.0).count();
             let whole = steps().all(|step| step >= 1.0 && step.fract() == 0.0);
-            whole && 20 * ones >= 19 * steps().count() && ones > 0 && !self.is_quantity(i)
+            let is_counter = whole && 20 * ones >= 19 * steps().count() && ones > 0 && !self.is_quantity(i);
+            is_counter.then_some((i, wraps_at))
         };
-        let counter = self.numbers().find(counts).filter(|_| host.is_none());
+        let counter = self.numbers().find_map(counts).filter(|_| host.is_none());
+        let wraps_at = counter.and_then(|(_, wraps_at)| wraps_at);
+        let counter = counter.map(|(i, _)| i);
         let text = match counter {
             Some(i) => format!("'{}' counts samples, {rate} a second{by}", self.column(i).heading),
             None => format!("each line is a sample, {rate} a second{by}"),
         };
         repairs.push(Repair::new("time-counter", 1, None, text));
-        let form = Form::Counted(interval_s);
+        let form = Form::Counted { interval_s, wraps_at };
         match host {
             Some(host) => Clock { form, ..host.clone() },
             None => Clock { time: counter, form, date: None, fraction: None, values: Vec::new(), host: None },
@@ -478,7 +509,18 @@ impl Finder<'_, '_> {
         let factored = named(&|i| is_time(i) && self.is_factored(i));
         let times = named(&|i| is_time(i) && !self.is_factored(i));
         let counter = named(&|i| !self.column(i).name.is_empty() && is_counter_name(&self.column(i).name));
+        // what is called a time, or has colons in it, and is not understood
+        let unread =
+            (0..self.looks.len()).filter(|&i| self.looks[i] == Looks::Words && !self.is_ignored(i)).find_map(|i| {
+                let cell = self.layout.column(i).find(|c| !c.is_empty())?;
+                let is_clock = cell.contains(|c: char| c.is_ascii_digit()) && cell.matches(':').count() > 1;
+                (is_clock || is_time_name(&self.column(i).name))
+                    .then(|| (self.column(i).heading.clone(), cell.to_owned()))
+            });
         let text = match (&times, counter) {
+            (None, _) if let Some((name, cell)) = unread => {
+                return CsvProblem::TimesUnread { column: name, cell };
+            }
             (None, _) if let Some(name) = &factored => format!(
                 " that can be read: nobody can tell which way the factor in '{name}' is meant; write a unit alone in the heading, or give the rate of the samples with option `rate`"
             ),
@@ -531,37 +573,4 @@ impl Finder<'_, '_> {
         }
         counters
     }
-}
-
-/// The units in which times are those of a water-hammer test, the likeliest first.
-fn likely_units(values: &[f64], period_s: Option<f64>) -> Vec<&'static str> {
-    let (Some(first), Some(last)) = (values.first(), values.last()) else { return Vec::new() };
-    let Some(step) = median_step(values) else { return Vec::new() };
-    let lasts_s = |unit_s: f64| (last - first) * unit_s;
-    let fits = |unit_s: f64| {
-        let rate_hz = 1.0 / (step * unit_s);
-        let usual = (RATES_HZ[0]..=RATES_HZ[1]).contains(&rate_hz) && lasts_s(unit_s) <= LASTS_S;
-        usual && period_s.is_none_or(|p| rate_hz * p > LEAST_A_PERIOD)
-    };
-    let mut likely: Vec<(&str, f64)> = UNITS.iter().copied().filter(|(_, unit_s)| fits(*unit_s)).collect();
-    if likely.len() > 1 {
-        // a test is longer than a period
-        likely.retain(|(_, unit_s)| period_s.is_none_or(|p| lasts_s(*unit_s) > p));
-    }
-    likely.into_iter().map(|(name, _)| name).collect()
-}
-
-/// Never falls, but for a few lines out of place, and does rise.
-fn rises(values: &[f64]) -> bool {
-    let falls = values.windows(2).filter(|w| w[1] < w[0]).count();
-    20 * falls <= values.len() && values.windows(2).any(|w| w[1] > w[0]) || values.len() < 2
-}
-
-fn distinct(values: &[f64]) -> usize {
-    1 + values.windows(2).filter(|w| w[0] != w[1]).count()
-}
-
-/// More than a few times stand twice.
-fn repeats(values: &[f64]) -> bool {
-    5 * (values.len() - distinct(values).min(values.len())) > values.len()
 }

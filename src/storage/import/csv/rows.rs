@@ -163,7 +163,7 @@ impl<'t> Rows<'_, 't> {
         for (((&i, column), grouped), state) in columns_of.zip(&timed.states) {
             let mut cell = row.get(i).unwrap_or_default();
             // what has no time must be numbers all the same: a row of units is no line of samples
-            let mut value = grouped.as_mut().unwrap_or(numbers).read(cell, &columns[i].heading)?;
+            let mut value = grouped.as_mut().unwrap_or(numbers).read_marked(cell, &columns[i].heading)?;
             if let Some(state) = state.and_then(|at| row.get(at)).filter(|state| is_bad(state)) {
                 (cell, value) = (state, missing());
             }

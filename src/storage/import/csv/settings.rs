@@ -6,7 +6,7 @@ use crate::storage::import::csv::heading::{header_unit, is_factored, is_known_un
 use crate::storage::import::csv::numbers::Numbers;
 use crate::storage::import::csv::scaled::{changes, factor_in_words, is_absolute, is_absolute_by, is_of_transducer};
 use crate::storage::import::csv::stamp::Stamp;
-use crate::storage::import::kinds::is_electric;
+use crate::storage::import::kinds::{is_above_level, is_electric};
 use crate::storage::import::source::Order;
 use crate::storage::import::source::{Repair, SourceOptions, Start};
 
@@ -256,10 +256,10 @@ impl Settings {
 
     /// The names of columns, where a line states them.
     pub(crate) fn names(&self, width: usize, values: &[usize]) -> Vec<(usize, String)> {
-        let stated =
-            |key: &&&str| self.all.iter().any(|s| s.key == **key && s.cells.len() >= values.len() && values.len() > 1);
-        let Some(key) = NAMES.iter().find(stated) else { return Vec::new() };
-        self.all.iter().find(|s| s.key == *key).map_or(Vec::new(), |line| line.by_column(width, values))
+        let states = |s: &&Setting| s.cells.len() >= values.len() && values.len() > 1;
+        // of several the one nearest to the table
+        let line = |key: &&str| self.all.iter().rev().filter(states).find(|s| s.key == **key);
+        NAMES.iter().find_map(line).map_or(Vec::new(), |line| line.by_column(width, values))
     }
 
     /// Name and unit of a channel in a table of channels, such as `CH,Signal name,…,Unit` over `CH1,Valve,…,bar`, or its unit under its name.
@@ -287,6 +287,12 @@ impl Settings {
         // a range or a remark may say it, too
         let worded = |s: &Setting| s.cells.iter().any(|cell| is_absolute(&format!("{} {cell}", s.name)));
         self.all.iter().any(|s| keyed(s) || worded(s)) || self.remarks.iter().any(|r| is_absolute(r))
+    }
+
+    /// What says that heads count from the sea or another level: `head above sea level`.
+    pub(crate) fn level(&self) -> Option<&str> {
+        let said = self.remarks.iter().chain(self.all.iter().flat_map(|s| &s.cells));
+        said.flat_map(|text| text.split([',', ';'])).map(str::trim).find(|text| is_above_level(text))
     }
 
     /// Wall-clock time of time 0, and a remark on it, that a line gives: `start: 2026-03-14T09:26:53.5Z`, or a date and a time in two lines, as

@@ -3,10 +3,12 @@
 use crate::storage::import::csv::layout::Layout;
 
 /// How the names of such columns begin or end, in lower case.
-const NAMES: [&str; 7] = ["quality", "qualität", "qualitaet", "status", "validity", "valid", "state"];
+const NAMES: [&str; 9] = ["quality", "qualität", "qualitaet", "status", "validity", "valid", "state", "ok", "good"];
 /// How the words begin that say no.
-const BAD: [&str; 12] = [
+const BAD: [&str; 14] = [
     "bad",
+    "false",
+    "nok",
     "invalid",
     "error",
     "fault",

@@ -1,7 +1,7 @@
 //! A table of numbers, and the series of its columns.
 
-use crate::recording::Series;
-use crate::storage::import::csv::grid::Hole;
+use crate::recording::{Gap, Series};
+use crate::storage::import::csv::grid::{Hole, uneven_gaps};
 use crate::storage::import::csv::missing::is_missing;
 use crate::storage::import::gaps::gaps;
 
@@ -26,7 +26,10 @@ pub(crate) fn column_series(time_s: &[f64], values: &[f64], holes: &[Hole]) -> S
     let missing_s: Vec<f64> = time_s.iter().zip(values).filter(|(_, v)| is_missing(**v)).map(|(t, _)| *t).collect();
     if !missing_s.is_empty() {
         series.gaps.extend(gaps(&series.time_s, &missing_s));
-        series.gaps.sort_by(|a, b| a.from_s.total_cmp(&b.from_s));
     }
+    let known = |gap: &Gap| series.gaps.iter().any(|other| other.from_s < gap.to_s && gap.from_s < other.to_s);
+    let uneven: Vec<Gap> = uneven_gaps(&series.time_s).into_iter().filter(|gap| !known(gap)).collect();
+    series.gaps.extend(uneven);
+    series.gaps.sort_by(|a, b| a.from_s.total_cmp(&b.from_s));
     series
 }

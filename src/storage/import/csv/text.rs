@@ -167,7 +167,7 @@ pub(crate) fn text_of(bytes: &[u8]) -> Result<&str, CsvFault> {
 }
 
 /// How files of other kinds begin, in lower case, what they are, and what to do with them.
-const OTHER_KINDS: [(&[u8], &str, &str); 12] = [
+const OTHER_KINDS: [(&[u8], &str, &str); 11] = [
     (b"\x1f\x8b", "a file packed by gzip", UNPACK),
     (b"bzh", "a file packed by bzip2", UNPACK),
     (b"\x28\xb5\x2f\xfd", "a file packed by zstd", UNPACK),
@@ -179,7 +179,6 @@ const OTHER_KINDS: [(&[u8], &str, &str); 12] = [
     (b"<html", "a page of HTML", SAVE),
     (b"<!doctype", "a page of HTML", SAVE),
     (b"<table", "a page of HTML", SAVE),
-    (b"{", "JSON", SAVE),
 ];
 const UNPACK: &str = "unpack it first";
 const SAVE: &str = "save it as CSV in the program that wrote it";
@@ -188,13 +187,8 @@ const SAVE: &str = "save it as CSV in the program that wrote it";
 pub(crate) fn check_kind(bytes: &[u8]) -> Result<(), CsvFault> {
     let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).trim_ascii_start();
     let begins = |mark: &[u8]| text.get(..mark.len()).is_some_and(|start| start.eq_ignore_ascii_case(mark));
-    let list = text
-        .strip_prefix(b"[")
-        .map(<[u8]>::trim_ascii_start)
-        .is_some_and(|t| t.starts_with(b"{") || t.starts_with(b"["));
-    let other = OTHER_KINDS.iter().find(|(mark, ..)| begins(mark)).map(|(_, what, doing)| (*what, *doing));
-    match other.or(list.then_some(("JSON", SAVE))) {
-        Some((what, doing)) => Err((None, Box::new(CsvProblem::OtherKind { what, doing }))),
+    match OTHER_KINDS.iter().find(|(mark, ..)| begins(mark)) {
+        Some(&(_, what, doing)) => Err((None, Box::new(CsvProblem::OtherKind { what, doing }))),
         None => Ok(()),
     }
 }
@@ -203,12 +197,7 @@ pub(crate) fn check_kind(bytes: &[u8]) -> Result<(), CsvFault> {
 mod tests {
     #[test]
     fn files_of_other_kinds_are_called_by_their_names() {
-        for (text, what) in [
-            (&b"{\"t\": 0}"[..], "JSON"),
-            (b"\xef\xbb\xbf [ {\"t\": 0}]", "JSON"),
-            (b"<?XML version=\"1.0\"?>", "XML"),
-            (b"\x1f\x8b\x08\x00", "gzip"),
-        ] {
+        for (text, what) in [(&b"<?XML version=\"1.0\"?>"[..], "XML"), (b"\x1f\x8b\x08\x00", "gzip")] {
             let said = check_kind(text).unwrap_err().1.to_string();
             assert!(said.contains(what), "{said}");
         }
