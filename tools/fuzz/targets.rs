@@ -111,7 +111,7 @@ fn foreign(input: &[u8], name: &str, options: &SourceOptions) {
     }
     let mut repairs = Vec::new();
     match bind(file, path, &RIG, options, &mut repairs) {
-        Ok((recording, _)) => log::import::unit_warnings(&recording).iter().for_each(|d| assert!(!d.text.is_empty())),
+        Ok(bound) => log::import::unit_warnings(&bound.recording).iter().for_each(|d| assert!(!d.text.is_empty())),
         Err(error) => drop(error.to_string()),
     }
 }
