@@ -63,13 +63,13 @@ impl Search<'_> {
         }
     }
 
-    /// Fits the models of a size whose forecasts promise most: no more than `times` the least that any model leaves.
-    pub(crate) fn fit_leading(&mut self, size: usize, times: f64) {
+    /// Fits the models of a size whose forecasts promise most.
+    pub(crate) fn fit_leading(&mut self, size: usize) {
         let untried = self.met.iter().enumerate().filter(|(_, m)| m.key.len() == size);
         let mut order: Vec<(usize, &Forecast)> =
             untried.filter_map(|(i, m)| Some((i, m.forecast.as_ref().filter(|f| !f.is_tried)?))).collect();
         order.sort_by(|a, b| a.1.square.total_cmp(&b.1.square));
-        let most = times * self.met.iter().map(Met::square).fold(f64::INFINITY, f64::min);
+        let most = NO_FULL_FIT_ABOVE * self.met.iter().map(Met::square).fold(f64::INFINITY, f64::min);
         let least = LEAST_FORECAST * self.least_fall;
         let start = square(self.start);
         let may_win = |(rank, (_, f)): &(usize, (usize, &Forecast))| {

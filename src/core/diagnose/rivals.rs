@@ -25,7 +25,7 @@ impl Search<'_> {
             for i in self.added(&winner.effects) {
                 if winner.effects[i].effect.on_pipe() {
                     self.expand(&winner, Some(i));
-                    self.fit_leading(best.len(), CONVERGE_BELOW);
+                    self.fit_leading(best.len());
                 }
             }
             self.rivals(&winner, &best);

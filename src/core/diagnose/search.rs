@@ -8,7 +8,7 @@
 use crate::diagnose::baseline::Baseline;
 use crate::diagnose::candidate::{Form, base_name};
 use crate::diagnose::fitter::Fitter;
-use crate::diagnose::limits::{NO_FULL_FIT_ABOVE, QUIET, START_DOUBTFUL};
+use crate::diagnose::limits::{QUIET, START_DOUBTFUL};
 use crate::diagnose::measures::{beyond, least_fall, over_noise};
 use crate::diagnose::met::{Key, Met};
 use crate::diagnose::weigh::weigh;
@@ -129,7 +129,7 @@ impl<'a> Search<'a> {
                 };
                 if let Some(fit) = fit {
                     self.expand(&fit, None);
-                    self.fit_leading(state.len() + 1, NO_FULL_FIT_ABOVE);
+                    self.fit_leading(state.len() + 1);
                 }
                 if state.is_empty() {
                     self.more_elements();
