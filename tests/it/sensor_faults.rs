@@ -3,6 +3,7 @@
 use surgescope::Recording;
 use surgescope::rig::SensorKind;
 use surgescope::signal::faults::{Fault, in_words, sensor_faults};
+use surgescope::signal::inspect;
 use surgescope::storage::read;
 
 use crate::common::{CREEP, LEAK, NOTHING, here};
@@ -59,6 +60,23 @@ fn each_fault_is_named_as_what_it_is() {
         }
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// A quiet sensor shows one value until the wave comes to it, while those nearer to the valve move already.
+#[test]
+fn a_sensor_that_waits_for_the_wave_is_not_stuck() {
+    for name in [CREEP, LEAK, NOTHING] {
+        let mut recording = read(&here(name)).unwrap();
+        let found = inspect(&recording).unwrap();
+        for sensor in &found.sensors {
+            let Some(arrival) = sensor.front_arrival_s else { continue };
+            let series = &mut recording.series[sensor.sensor];
+            let waits = series.time_s.partition_point(|t| *t < arrival.value - 2.0 * sensor.interval_s);
+            let level = series.value[waits];
+            series.value[..waits].fill(level);
+        }
+        assert_eq!(sensor_faults(&recording), [], "{name}");
+    }
 }
 
 /// Of two sensors, either may be the one in a wrong unit; the flow tells which. Without it the fault is said of both.

@@ -109,6 +109,8 @@ const NEAR_SUPPLY: f64 = 0.1;
 const NOT_BY_CHANCE: f64 = 14.0;
 /// Share of its swing that a sensor must have moved by just before, or another one meanwhile, for a stop to be seen.
 const STILL_MOVING: f64 = 0.2;
+/// A wave may take so many times as long to a sensor as the rig's wave speed says.
+const LATE: f64 = 2.0;
 /// Factor between a sensor and the others, in steady pressure and front alike, from which it is a unit. No effect is that large; the smallest
 /// factor between two units of pressure in use is 6.9 (kPa and psi).
 const OTHER_UNIT: f64 = 4.5;
@@ -226,7 +228,11 @@ impl<'a> Scene<'a> {
     fn held(&self, station: &Station) -> Found {
         let sensor = &self.rig.sensors[station.sensor];
         let (times, values) = self.values(station);
-        let first = times.partition_point(|t| *t < self.start_s);
+        // what the wave has not reached yet does not move
+        let latest_s = self.start_s + LATE * (self.rig.length_m() - station.place_m) / self.speed_m_s;
+        let own_s = station.front.as_ref().ok().map(|front| station.coarse.time_s(front.onset));
+        let begins_s = own_s.filter(|own_s| *own_s < latest_s).unwrap_or(self.start_s);
+        let first = times.partition_point(|t| *t < begins_s);
         let after = values.get(first..).filter(|v| v.len() > LEAST_SAMPLES)?;
         let (low, high) = ends(&values);
         let swing = high - low;

@@ -85,7 +85,7 @@ pub(crate) fn is_absolute_name(name: &str) -> bool {
 }
 
 /// Words for the level that heads count from which are no gauge pressures: the sea, or another datum.
-const LEVELS: [&str; 14] = [
+const LEVELS: [&str; 16] = [
     "sea level",
     "above datum",
     "elevation datum",
@@ -99,6 +99,8 @@ const LEVELS: [&str; 14] = [
     "masl",
     "amsl",
     "nhn",
+    "nn",
+    "navd88",
     "hgl",
 ];
 

@@ -163,6 +163,8 @@ fn heads_above_the_sea_are_asked_for() {
     for head in [
         "# head above sea level\ntime_s,P1 (m)\n",
         "Reference: m a.s.l.\ntime_s,P1 (m)\n",
+        "# NAVD88\ntime_s,P1 (m)\n",
+        "time_s,P1 (m ü. NN)\n",
         "time_s,P1 (m a.s.l.)\n",
         "time_s,HGL P1 (m)\n",
     ] {

@@ -41,6 +41,14 @@ impl Stamp {
     /// and `073:09:26:53`. Slashes and dashes before the year need an order. Years of Thailand, 543 ahead, are brought to ours.
     pub(crate) fn parse(text: &str, order: Order) -> Option<Stamp> {
         let text = text.trim().strip_prefix("0 days ").unwrap_or(text.trim());
+        // `20260314T092653.250`, without signs between the parts
+        if let Some((date, time)) = text.split_once(['T', ' ']).filter(|(date, _)| is_digits(date, 8))
+            && let Some((clock, rest)) = time.split_at_checked(6).filter(|(clock, _)| is_digits(clock, 6))
+        {
+            let ([year, month, day], [hour, minute, second]) =
+                ([&date[..4], &date[4..6], &date[6..]], [&clock[..2], &clock[2..4], &clock[4..]]);
+            return Stamp::parse(&format!("{year}-{month}-{day}T{hour}:{minute}:{second}{rest}"), order);
+        }
         // `2026:073:09:26:53`, as instruments on a time code write it
         if let Some((year, rest)) = text.split_once(':').filter(|(year, _)| is_digits(year, 4))
             && let Some((day, time)) = rest.split_once(':').filter(|(day, _)| is_digits(day, 3))
@@ -365,6 +373,7 @@ mod tests {
             ("9:26:53.250 AM", "1970-01-01", 250),
             ("9:26:53;250", "1970-01-01", 250),
             ("14/03/2569 09:26:53.250", "2026-03-14", 250),
+            ("20260314T092653.250Z", "2026-03-14", 250),
             ("2026-073T09:26:53.250Z", "2026-03-14", 250),
             ("2026:073:09:26:53.250", "2026-03-14", 250),
             ("2026/073 09:26:53.250", "2026-03-14", 250),
