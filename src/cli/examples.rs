@@ -61,7 +61,7 @@ const EXAMPLES: &[(&str, [&str; 2])] = &[
         "import",
         [
             "creep.csv --rig rigs/demo-hdpe.toml -o imported.mcap",
-            "recordings/adelaide/severe_valve_trace_reference.csv --rig rigs/adelaide-copper.toml --yes -o adelaide.mcap",
+            "creep.csv --rig rigs/demo-hdpe.toml --without P1 -o imported-without.mcap",
         ],
     ),
     ("inspect", ["recordings/copper-leak.mcap", "recordings/hdpe-creep.mcap --ignore P2 --json"]),

@@ -16,6 +16,7 @@ pub(crate) mod fitter;
 pub mod limits;
 pub(crate) mod measures;
 pub(crate) mod met;
+pub(crate) mod models;
 pub mod needless;
 pub(crate) mod neighbours;
 pub mod next;
@@ -39,11 +40,11 @@ use crate::diagnose::limits::{
     AS_FAST, INDISTINGUISHABLE, LEAST_EVIDENCE, MOST_MISSING, RIG_FILE_IS_WRONG, UNEXPLAINED_OVER_NOISE, WANTED_ODDS,
 };
 use crate::diagnose::measures::{evidence_scale, over_noise, square};
+use crate::diagnose::models::Search;
 use crate::diagnose::next::{Answer, in_words};
 pub use crate::diagnose::outcome::{Candidate, Diagnosis, Pair, RivalPair, Verdict};
 use crate::diagnose::refit::{refine, screen};
 use crate::diagnose::residual_patterns::{Pattern, residual_patterns};
-use crate::diagnose::search::Search;
 use crate::diagnose::start::Start;
 use crate::diagnose::visible::visible;
 use crate::diagnose::warnings::warnings;

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use crate::diagnose::limits::CONVERGE_BELOW;
 use crate::diagnose::measures::{square, square_at_optimum};
 use crate::diagnose::met::Key;
-use crate::diagnose::search::Search;
+use crate::diagnose::models::Search;
 use crate::fit::outcome::fit::Fit;
 use crate::model::Model;
 use crate::model::effects::Chosen;

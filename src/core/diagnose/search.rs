@@ -5,31 +5,14 @@
 //! those that may win are fitted from there. The search goes on from the best model of each size, first by these forecasts, then from the signals,
 //! and ends where nothing is left that a further effect could be worth. No rival of the best model stays short of its optimum.
 
-use crate::diagnose::baseline::Baseline;
-use crate::diagnose::candidate::{Form, base_name};
-use crate::diagnose::fitter::Fitter;
 use crate::diagnose::limits::{QUIET, START_DOUBTFUL};
-use crate::diagnose::measures::{beyond, least_fall, over_noise};
+use crate::diagnose::measures::{beyond, over_noise};
 use crate::diagnose::met::{Key, Met};
+use crate::diagnose::models::Search;
 use crate::diagnose::weigh::weigh;
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
 use crate::fit::validate::conflict::{at_bounds, contradicts};
-use crate::model::effects::Chosen;
-
-/// See the module.
-pub(crate) struct Search<'a> {
-    pub(crate) fitter: Fitter<'a>,
-    /// The start model: what every effect is counted from.
-    pub(crate) start: &'a Fit,
-    /// The fit that the search begins at.
-    pub(crate) from: &'a Fit,
-    /// The problem around that fit.
-    pub(crate) baseline: &'a Baseline<'a>,
-    /// The least fall of the squared error over noise that is worth a model.
-    pub(crate) least_fall: f64,
-    pub(crate) met: Vec<Met>,
-}
 
 /// How a step looks for the fits of a state's neighbours.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -42,25 +25,7 @@ enum Starts {
     AllFromSignals,
 }
 
-impl<'a> Search<'a> {
-    /// A search from a fitted start model, which may have `grown` out of a smaller one.
-    pub(crate) fn new(
-        fitter: Fitter<'a>,
-        start: &'a Fit,
-        from: &'a Fit,
-        baseline: &'a Baseline<'a>,
-        grown: Option<&Fit>,
-    ) -> Self {
-        let runs = fitter.runs;
-        let taken = grown.map_or(0.0, |smaller| over_noise(smaller, runs).powi(2) - over_noise(start, runs).powi(2));
-        Search { least_fall: least_fall(runs, taken), fitter, start, from, baseline, met: Vec::new() }
-    }
-
-    /// The same where effects have `taken` some more of it.
-    pub(crate) fn least_fall_after(&self, taken: f64) -> f64 {
-        self.least_fall + least_fall(self.fitter.runs, taken) - least_fall(self.fitter.runs, 0.0)
-    }
-
+impl Search<'_> {
     /// Leads the best model on to its optimum where elements of creep kept it from there.
     pub(crate) fn prune_best(&mut self) {
         let Some(best) = self.leader().map(|m| m.key.clone()) else { return };
@@ -104,12 +69,6 @@ impl<'a> Search<'a> {
         met.fit.as_ref().is_some_and(|fit| beyond(fit, self.fitter.runs) >= self.least_fall_after(self.taken(fit)))
     }
 
-    /// How much of the squared error over noise a model has taken.
-    fn taken(&self, fit: &Fit) -> f64 {
-        let runs = self.fitter.runs;
-        over_noise(self.start, runs).powi(2) - over_noise(fit, runs).powi(2)
-    }
-
     /// Whether a model of at most that size leaves so little that forecasts are accurate: what they do not promise will not appear. A single effect that
     /// gets there against what the instruments say has not shown that no other would.
     fn is_quiet(&self, size: usize) -> bool {
@@ -149,62 +108,10 @@ impl<'a> Search<'a> {
         weigh(self).models.into_iter().map(|m| m.met).find(|m| m.fit.is_some())
     }
 
-    pub(crate) fn get(&self, key: &[&'static str]) -> Option<&Met> {
-        self.met.iter().find(|m| m.key == key)
-    }
-
-    pub(crate) fn get_mut(&mut self, key: &[&'static str]) -> &mut Met {
-        let known = self.met.iter().position(|m| m.key == key);
-        let i = known.unwrap_or_else(|| {
-            self.met.push(Met::new(key.to_vec()));
-            self.met.len() - 1
-        });
-        &mut self.met[i]
-    }
-
-    /// Which effects of a model the start model lacks, or has with fewer elements.
-    pub(crate) fn added(&self, effects: &[Chosen]) -> Vec<usize> {
-        let known = |c: &Chosen| {
-            let own = self.fitter.asked.iter().find(|a| base_name(a.effect.name()) == base_name(c.effect.name()));
-            own.is_some_and(|own| own.elements.is_none() || own.elements >= c.elements)
-        };
-        (0..effects.len()).filter(|&i| !known(&effects[i])).collect()
-    }
-
-    pub(crate) fn key(&self, effects: &[Chosen]) -> Key {
-        let mut key: Key = self.added(effects).into_iter().map(|i| base_name(effects[i].effect.name())).collect();
-        key.sort_unstable();
-        key
-    }
-
     /// Whether the best model is near enough for its rivals to be compared with it.
     fn is_near(&self) -> bool {
         let near = START_DOUBTFUL.powi(2) - 1.0;
         self.leader().and_then(|m| m.fit.as_ref()).is_some_and(|fit| beyond(fit, self.fitter.runs) < near)
-    }
-
-    /// What a state adds to the start model.
-    pub(crate) fn effects_of(&self, state: &Key) -> Option<Vec<Chosen>> {
-        if state.is_empty() {
-            return Some(Vec::new());
-        }
-        let (effects, _) = self.get(state)?.model()?;
-        Some(self.added(effects).into_iter().map(|i| effects[i].clone()).collect())
-    }
-
-    /// The best form of each effect alone.
-    pub(crate) fn forms_alone(&self) -> Vec<Form> {
-        let alone = self.met.iter().filter(|m| m.key.len() == 1);
-        alone
-            .filter_map(|m| {
-                let chosen = self.effects_of(&m.key)?.pop()?;
-                self.fitter
-                    .asked
-                    .iter()
-                    .all(|c| base_name(c.effect.name()) != m.key[0])
-                    .then_some(Form { effect: m.key[0], chosen })
-            })
-            .collect()
     }
 }
 
@@ -216,6 +123,8 @@ fn is_sound(fit: &Fit, runs: &[RunData]) -> bool {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+    use crate::diagnose::baseline::Baseline;
+    use crate::diagnose::fitter::Fitter;
     use crate::fit::problem::test_record::{HDPE, record, short_branch};
     use crate::fit::search::calibrate::calibrate;
     use crate::fit::search::options::Options;

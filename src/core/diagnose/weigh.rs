@@ -5,7 +5,7 @@ use crate::diagnose::evidence::{EvidenceScale, probabilities, tempered};
 use crate::diagnose::limits::{LEAST_EVIDENCE, NEGLIGIBLE_EVIDENCE, ODDS_AT_BOUND, PRIOR_ODDS_OF_PAIR};
 use crate::diagnose::measures::{evidence_scale, fall, over_noise, square};
 use crate::diagnose::met::Met;
-use crate::diagnose::search::Search;
+use crate::diagnose::models::Search;
 use crate::fit::outcome::fit::{Fit, FittedParameter};
 use crate::fit::outcome::uncertainty::Uncertainty;
 use crate::model::effects::{Chosen, SHOWN};
