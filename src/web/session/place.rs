@@ -66,8 +66,7 @@ pub struct Place {
 type Told = ([Option<SystemTime>; 2], Vec<Run>, Vec<PathBuf>);
 
 /// How files of loggers end that become recordings.
-const TABLES: [&str; 13] =
-    ["csv", "json", "txt", "tsv", "dat", "lvm", "tdms", "xlsx", "xls", "ods", "mat", "h5", "hdf5"];
+const TABLES: [&str; 12] = ["csv", "txt", "tsv", "dat", "lvm", "tdms", "xlsx", "xls", "ods", "mat", "h5", "hdf5"];
 
 fn is_table(path: &Path) -> bool {
     path.extension().is_some_and(|own| TABLES.iter().any(|ending| own.eq_ignore_ascii_case(ending)))
