@@ -4,8 +4,10 @@ use rayon::prelude::*;
 
 use crate::diagnose::baseline::Baseline;
 use crate::diagnose::candidate::{Form, base_name, can_be_combined};
-use crate::diagnose::evidence::EvidenceScale;
-use crate::diagnose::limits::{FULL_FITS, LEAST_EVIDENCE, LEAST_FORECAST, NEGLIGIBLE_EVIDENCE, NO_FULL_FIT_ABOVE};
+use crate::diagnose::evidence::{EvidenceScale, tempered};
+use crate::diagnose::limits::{
+    FULL_FITS, INDISTINGUISHABLE, LEAST_EVIDENCE, LEAST_FORECAST, NEGLIGIBLE_EVIDENCE, NO_FULL_FIT_ABOVE,
+};
 use crate::diagnose::measures::{beyond, fall, square};
 use crate::diagnose::met::{Forecast, Key, Met};
 use crate::diagnose::models::Search;
@@ -40,7 +42,7 @@ impl Search<'_> {
         let of_fit = square(fit) / reference;
         let forecasts: Vec<Forecast> = best
             .into_iter()
-            .filter(|(_, r)| own != Some(r.form.effect))
+            .filter(|(_, r)| gone.is_none_or(|i| r.form.chosen.label() != fit.effects[i].label()))
             .map(|(evidence, r)| Forecast {
                 effects: r.effects.clone(),
                 values: r.values.clone(),
@@ -72,8 +74,10 @@ impl Search<'_> {
         let most = NO_FULL_FIT_ABOVE * self.met.iter().map(Met::square).fold(f64::INFINITY, f64::min);
         let least = LEAST_FORECAST * self.least_fall;
         let start = square(self.start);
+        let best = order.first().map_or(0.0, |(_, f)| f.evidence);
         let may_win = |(rank, (_, f)): &(usize, (usize, &Forecast))| {
-            let evident = f.evidence > if *rank == 0 { NEGLIGIBLE_EVIDENCE } else { LEAST_EVIDENCE };
+            let evident = f.evidence > LEAST_EVIDENCE || tempered(best - f.evidence) < INDISTINGUISHABLE;
+            let evident = if *rank == 0 { f.evidence > NEGLIGIBLE_EVIDENCE } else { evident };
             evident && f.square < most && fall(self.start, self.fitter.runs, start, f.square) > least
         };
         let leading: Vec<usize> =

@@ -23,7 +23,8 @@ impl Search<'_> {
             }
             let Some(winner) = met.fit.clone() else { return };
             for i in self.added(&winner.effects) {
-                if winner.effects[i].effect.on_pipe() {
+                // One that may be anywhere imitates others; one that leaves much may stand in for another.
+                if winner.effects[i].effect.on_pipe() || !self.is_quiet(best.len()) {
                     self.expand(&winner, Some(i));
                     self.fit_leading(best.len());
                 }

@@ -5,11 +5,12 @@
 //! those that may win are fitted from there. The search goes on from the best model of each size, first by these forecasts, then from the signals,
 //! and ends where nothing is left that a further effect could be worth. No rival of the best model stays short of its optimum.
 
-use crate::diagnose::limits::{QUIET, START_DOUBTFUL};
+use crate::diagnose::evidence::tempered;
+use crate::diagnose::limits::{INDISTINGUISHABLE, QUIET, START_DOUBTFUL};
 use crate::diagnose::measures::{beyond, over_noise};
 use crate::diagnose::met::{Key, Met};
 use crate::diagnose::models::Search;
-use crate::diagnose::weigh::weigh;
+use crate::diagnose::weigh::{WeighedModel, weigh};
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
 use crate::fit::validate::conflict::{at_bounds, contradicts};
@@ -48,19 +49,25 @@ impl Search<'_> {
         self.contest();
     }
 
-    /// The next step: small models before big ones, cheap starts before dear ones. A model is gone on from where it is better than the start model; one
-    /// that a record shows by itself leaves no second effect, for no model follows the collapse of cavities well.
+    /// The next step: small models before big ones, cheap starts before dear ones. The search goes on from the best model of each size, and from those
+    /// that the records cannot tell from it, where they are better than the start model. One that a record shows by itself leaves no second effect, for no
+    /// model follows the collapse of cavities well.
     fn next(&self, most: usize, done: &[(Key, Starts)]) -> Option<(Key, Starts)> {
         let weighed = weigh(self);
-        let best_of = |size| weighed.models.iter().find(|m| m.added.len() == size && m.met.fit.is_some());
-        let bigger = (1..most).map_while(best_of);
-        let bigger = bigger.take_while(|m| m.evidence > 0.0 && !m.is_shown && self.leaves_room(m.met));
-        let states: Vec<Key> = std::iter::once(Key::new()).chain(bigger.map(|m| m.met.key.clone())).collect();
+        let of_size = |size| weighed.models.iter().filter(move |m| m.added.len() == size && m.met.fit.is_some());
+        let bigger = (1..most).map_while(|size| {
+            let best = of_size(size).next()?;
+            // A parameter at a bound says little as long as another effect is missing.
+            let alike = |m: &&WeighedModel| tempered(best.evidence - m.evidence) < INDISTINGUISHABLE;
+            let open =
+                of_size(size).filter(alike).filter(|m| m.evidence > 0.0 && !m.is_shown && self.leaves_room(m.met));
+            Some(open.map(|m| m.met.key.clone()).collect::<Vec<Key>>()).filter(|open| !open.is_empty())
+        });
+        let states: Vec<Vec<Key>> = std::iter::once(vec![Key::new()]).chain(bigger).collect();
         let dear = |state: &Key, starts| starts != Starts::Forecast && self.is_quiet(state.len() + 1);
-        let each = |starts: &'static [Starts]| {
-            states.iter().flat_map(move |state| starts.iter().map(move |&starts| (state.clone(), starts)))
-        };
-        let mut steps = each(&[Starts::Forecast, Starts::LeadingFromSignals]).chain(each(&[Starts::AllFromSignals]));
+        let near = states.iter().flatten().flat_map(|s| [(s, Starts::Forecast), (s, Starts::LeadingFromSignals)]);
+        let far = states.iter().filter_map(|alike| Some((alike.first()?, Starts::AllFromSignals)));
+        let mut steps = near.chain(far).map(|(state, starts)| (state.clone(), starts));
         steps.find(|step| !done.contains(step) && !dear(&step.0, step.1))
     }
 
@@ -71,7 +78,7 @@ impl Search<'_> {
 
     /// Whether a model of at most that size leaves so little that forecasts are accurate: what they do not promise will not appear. A single effect that
     /// gets there against what the instruments say has not shown that no other would.
-    fn is_quiet(&self, size: usize) -> bool {
+    pub(crate) fn is_quiet(&self, size: usize) -> bool {
         let runs = self.fitter.runs;
         let quiet = |fit: &Fit| over_noise(fit, runs) < QUIET && (size > 1 || is_sound(fit, runs));
         let fits = self.met.iter().filter(|m| m.key.len() <= size).filter_map(|m| m.fit.as_ref());
