@@ -7,6 +7,7 @@ use crate::fit::outcome::fit::Fit;
 use crate::fit::problem::error::FitError;
 use crate::fit::progress::{OnProgress, Progress};
 use crate::fit::search::calibrate::{CoarseFit, calibrate, fit_coarsely, go_on, refine, without};
+use crate::fit::search::nested::with_more_elements;
 use crate::fit::search::options::Options;
 use crate::model::effects::{Chosen, boils};
 use crate::rig::Rig;
@@ -49,6 +50,14 @@ impl Fitter<'_> {
         let most = if self.is_held_back(fit) { MOST_REACHES_NEAR_NOISE } else { MOST_REACHES_WITH_CAVITIES };
         let options = self.bounded(&fit.effects, most);
         refine(self.rig, self.runs, &fit.effects, &fit.values(), &options, &self.shown(&fit.effects))
+    }
+
+    /// A fitted model with as many more elements of its effect `i` as the evidence supports; none where it supports no more.
+    pub(crate) fn with_more_elements(&self, fit: &Fit, i: usize) -> Option<Fit> {
+        let most = *fit.effects[i].effect.elements()?.end();
+        let (options, shown) = (self.bounded(&fit.effects, MOST_REACHES_WITH_CAVITIES), self.shown(&fit.effects));
+        let more = with_more_elements(self.rig, self.runs, fit.clone(), (i, most), &options, &shown).ok()?;
+        (more.effects != fit.effects).then_some(more)
     }
 
     /// The model without its effect `i`, briefly fitted.

@@ -13,7 +13,6 @@ use crate::diagnose::met::{Forecast, Key, Met};
 use crate::diagnose::models::Search;
 use crate::diagnose::screening::{best_forms, refits, screened};
 use crate::fit::outcome::fit::Fit;
-use crate::fit::search::calibrate::with_more_elements;
 use crate::model::effects::{Chosen, SHOWN};
 
 impl Search<'_> {
@@ -181,12 +180,8 @@ impl Search<'_> {
     /// More elements of a start model's effect whose number is fixed: an effect that makes up for missing ones would be named in their place.
     pub(crate) fn more_elements(&mut self) {
         let fitter = &self.fitter;
-        if fitter.asked.iter().all(|c| c.elements.is_none()) {
-            return;
-        }
-        let open: Vec<Chosen> = fitter.asked.iter().map(|c| Chosen { elements: None, ..c.clone() }).collect();
-        let more = with_more_elements(fitter.rig, fitter.runs, self.start, &open, fitter.options, &|_| {});
-        if let Ok(Some(fit)) = more {
+        let fixed = fitter.asked.iter().position(|c| c.elements.is_some());
+        if let Some(fit) = fixed.and_then(|i| fitter.with_more_elements(self.start, i)) {
             let key = self.key(&fit.effects);
             let met = self.get_mut(&key);
             met.is_from_signals = true;

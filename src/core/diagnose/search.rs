@@ -14,6 +14,7 @@ use crate::diagnose::weigh::{WeighedModel, weigh};
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
 use crate::fit::validate::conflict::{at_bounds, contradicts};
+use crate::model::effects::Chosen;
 
 /// How a step looks for the fits of a state's neighbours.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,13 +28,19 @@ enum Starts {
 }
 
 impl Search<'_> {
-    /// Leads the best model on to its optimum where elements of creep kept it from there.
-    pub(crate) fn prune_best(&mut self) {
-        let Some(best) = self.leader().map(|m| m.key.clone()) else { return };
-        if let Some(mut fit) = self.get(&best).and_then(|m| m.fit.clone()).filter(|fit| !fit.converged) {
+    /// Leads the best model on to its optimum: past elements of creep that kept it from there, and with as many more as the evidence supports where their
+    /// number is open, for a further effect would make up for missing ones.
+    pub(crate) fn finish_best(&mut self) {
+        let Some(met) = self.leader() else { return };
+        let (key, Some(mut fit)) = (met.key.clone(), met.fit.clone()) else { return };
+        if !fit.converged {
             self.fitter.prune(&mut fit);
-            self.get_mut(&best).fit = Some(fit);
         }
+        let fixed =
+            |c: &Chosen| self.fitter.asked.iter().any(|a| a.elements.is_some() && a.effect.name() == c.effect.name());
+        let open = fit.effects.iter().position(|c| c.elements.is_some() && !fixed(c));
+        let more = open.and_then(|i| self.fitter.with_more_elements(&fit, i));
+        self.get_mut(&key).fit = Some(more.unwrap_or(fit));
     }
 
     /// Looks for models with as many further effects as `most`.

@@ -245,31 +245,6 @@ impl OneLess {
     }
 }
 
-/// A fitted model with more elements, as many as the evidence supports, where `asked` leaves their number open; none where it supports no
-/// more.
-///
-/// # Errors
-/// As [`calibrate`].
-pub fn with_more_elements(
-    rig: &Rig,
-    runs: &[RunData],
-    fit: &Fit,
-    asked: &[Chosen],
-    options: &Options,
-    progress: &OnProgress<'_>,
-) -> Result<Option<Fit>, FitError> {
-    let Some(i) = growing(asked).filter(|&i| asked[i].elements.is_none()) else { return Ok(None) };
-    let state = Estimate::unseen(fit.values());
-    let ctx = Calibrator::new(rig, runs, options, progress, &fit.effects, Some(&state.values))?;
-    let start = (ctx.model(&fit.effects), state);
-    let (model, state) =
-        grow_while_evident(&ctx, start, i, None, &|bigger, model, state| grow(&ctx, bigger, model, state))?;
-    if model.effects == fit.effects {
-        return Ok(None);
-    }
-    finish(&ctx, &model, state).map(Some)
-}
-
 /// The effects as a fit begins with them: where the number of elements is open, as many as are known beforehand, else one.
 ///
 /// # Errors
