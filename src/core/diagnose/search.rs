@@ -29,16 +29,21 @@ enum Starts {
 
 impl Search<'_> {
     /// Leads the best model on to its optimum: past elements of creep that kept it from there, and with as many more as the evidence supports where their
-    /// number is open, for a further effect would make up for missing ones.
+    /// number is open. Those of the start model count only where room is left: a further effect would make up for missing ones.
     pub(crate) fn finish_best(&mut self) {
         let Some(met) = self.leader() else { return };
         let (key, Some(mut fit)) = (met.key.clone(), met.fit.clone()) else { return };
         if !fit.converged {
             self.fitter.prune(&mut fit);
         }
+        let (added, room) = (self.added(&fit.effects), self.leaves_room(met));
         let fixed =
             |c: &Chosen| self.fitter.asked.iter().any(|a| a.elements.is_some() && a.effect.name() == c.effect.name());
-        let open = fit.effects.iter().position(|c| c.elements.is_some() && !fixed(c));
+        let is_open = |i: &usize| {
+            let c = &fit.effects[*i];
+            c.elements.is_some() && !fixed(c) && (room || added.contains(i))
+        };
+        let open = (0..fit.effects.len()).find(is_open);
         let more = open.and_then(|i| self.fitter.with_more_elements(&fit, i));
         self.get_mut(&key).fit = Some(more.unwrap_or(fit));
     }
