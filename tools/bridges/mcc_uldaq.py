@@ -92,11 +92,19 @@ def follow(inputs, data, ring, width, sender):
         if come > read:
             since = time.monotonic()
             taken = copied(data, ring, width, read, come)
+            failure, written = None, come
+            try:
+                written = inputs.get_scan_status()[1].current_total_count // width
+            except uldaq.ULException as error:
+                # a scan that has failed overwrites nothing more
+                failure = error
             # what was overwritten while it was copied is not what it was
-            first = max(read, inputs.get_scan_status()[1].current_total_count // width + 1 - ring)
+            first = max(read, written + 1 - ring)
             if first < come:
                 sender.send(first, taken[(first - read) * width:])
             read = come
+            if failure:
+                raise failure
         if status != uldaq.ScanStatus.RUNNING:
             raise RuntimeError("the scan has ended by itself")
         if time.monotonic() - since > PATIENCE_S:
