@@ -9,6 +9,7 @@ pub mod remark;
 
 use std::path::Path;
 
+use crate::extent::ends;
 use crate::number::{duration, significant};
 use crate::recording::Recording;
 use crate::rig::check::ATMOSPHERE_PA;
@@ -58,7 +59,7 @@ const STOPPED: f64 = 0.05;
 
 /// Of a column without a name only its numbers speak: what swings is a pressure, what the closure stops is a flow.
 fn kind_of_numbers(values: &[f64]) -> Option<SensorKind> {
-    let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &v| (a.min(v), b.max(v)));
+    let (low, high) = ends(values);
     let part = (values.len() / 50).max(1);
     let [first, last] = [&values[..part], &values[values.len() - part..]].map(|v| median(&mut v.to_vec()).abs());
     if high - low <= LEAST_SPREAD * high.abs().max(low.abs()) {

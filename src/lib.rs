@@ -99,4 +99,4 @@ pub use crate::study::error::Error;
 pub use surgescope_core::{
     align, creep, diagnose, fit, model, number, recording, rig, sensitivity, signal, temperature, units, valve,
 };
-use surgescope_core::{robust, shown, text_file};
+use surgescope_core::{extent, robust, shown, text_file};

@@ -4,6 +4,7 @@
 pub mod align;
 pub mod creep;
 pub mod diagnose;
+pub mod extent;
 pub mod fit;
 pub mod interned;
 pub mod model;

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use crate::extent::ends;
 use crate::report::rig_plan::{Plan, Point};
 use crate::report::text::escape::escape;
 use crate::rig::{NodeKind, Place, Rig, Sensor, SensorKind, Upstream};
@@ -86,7 +87,7 @@ fn track(
 pub fn svg(rig: &Rig) -> String {
     let (graph, plan) = (&rig.graph, Plan::of(rig));
     let heights: Vec<f64> = rig.pipes.iter().flat_map(|p| [p.elevation_start_m, p.elevation_end_m]).collect();
-    let (low, high) = heights.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &h| (a.min(h), b.max(h)));
+    let (low, high) = ends(&heights);
     // Heights are drawn where nothing branches.
     let rises = high > low && graph.lines.len() == 1;
     let [above, below] = plan.heights().map(|share| share * (TO - FROM));

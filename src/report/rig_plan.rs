@@ -1,6 +1,7 @@
 //! Where the parts of a rig are drawn: at the places that the file gives its nodes, or else the way from the supply to the valve as a straight line,
 //! with what branches off it in rows above and below.
 
+use crate::extent::ends;
 use crate::rig::{Graph, Place, Rig};
 
 /// Distance between rows, as a share of the drawing's width.
@@ -30,8 +31,7 @@ impl Plan {
         let to_scale = given.is_some();
         let mut plan = given.map_or_else(|| Rows::of(rig).plan, |at| by_places(graph, &at));
         let points = || plan.nodes.iter().chain(plan.lines.iter().flatten());
-        let (least, most) =
-            points().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), p| (low.min(p[0]), high.max(p[0])));
+        let (least, most) = ends(points().map(|p| p[0]));
         let wide = (most - least).max(f64::MIN_POSITIVE);
         let high = points().fold(0.0, |high: f64, p| high.max(p[1].abs()));
         // Places keep their shape, within the height; rows keep their distance.

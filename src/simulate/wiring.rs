@@ -1,5 +1,6 @@
 //! Wiring for a rig that has none, so that a test can be simulated on it as if it were recorded live.
 
+use crate::extent::ends;
 use crate::rig::{Device, Framing, Port, Protocol, Rig, Serial, Wiring};
 use crate::simulate::playback::{Timing, USUAL_SEED, of_scenario};
 use crate::simulate::scenario::Scenario;
@@ -43,7 +44,7 @@ pub fn wired(scenario: &Scenario, timing: &Timing) -> Result<Rig, Box<dyn std::e
 
 /// A range with room for all values.
 fn around(values: &[f64]) -> [f64; 2] {
-    let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &v| (a.min(v), b.max(v)));
+    let (low, high) = ends(values);
     let room = (ROOM * (high - low)).max(0.01 * high.abs()).max(1e-3);
     [low - room, high + room]
 }

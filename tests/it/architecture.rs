@@ -5,13 +5,14 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The rooms from the cellar up. A room may use what stands before it, with the exceptions below.
-const ROOMS: [&str; 33] = [
+const ROOMS: [&str; 34] = [
     "units",
     "interned",
     "number",
     "shown",
     "text_file",
     "robust",
+    "extent",
     "wide",
     "product",
     "rig",

@@ -10,6 +10,7 @@ use crate::cli::console::document::say_document;
 use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::print::{say_text, tell, tell_warning};
 use crate::cli::console::progress::shown;
+use crate::extent::ends;
 use crate::fit::outcome::thresholds::STRONG_EVIDENCE;
 use crate::fit::problem::valve_curve::valve_sensor;
 use crate::model::effects::{Chosen, parse_list};
@@ -99,7 +100,7 @@ const OPENINGS: std::ops::RangeInclusive<f64> = -0.05..=1.05;
 /// What to do about a curve that is no valve's.
 fn no_valve(closure: &ValveClosure, creep_missing: bool) -> Option<String> {
     let known = closure.curve.opening.iter().copied().filter(|o| o.is_finite());
-    let (least, most) = known.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, m), o| (l.min(o), m.max(o)));
+    let (least, most) = ends(known);
     (!(OPENINGS.contains(&least) && OPENINGS.contains(&most))).then(|| {
         let what = if creep_missing { "add --effects viscoelastic-wall" } else { "`surgescope diagnose` finds what" };
         format!(

@@ -1,5 +1,6 @@
 //! Edges of trigger channels, and the matching of the edges of two files.
 
+use crate::extent::ends;
 use crate::recording::Series;
 use crate::robust::{median, sd_about};
 use crate::signal::Estimate;
@@ -22,7 +23,7 @@ const INTERPOLATED: f64 = 0.05;
 /// The edges of a trigger, whether it is 0 and 1 or a voltage: by linear interpolation at half of the swing. A flank
 /// without a sample lies anywhere in its step: its error is step/√12.
 pub(crate) fn edges(series: &Series) -> Vec<Edge> {
-    let (low, high) = series.value.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
+    let (low, high) = ends(&series.value);
     let swing = high - low;
     if !(swing > 0.0 && swing.is_finite()) {
         return Vec::new();

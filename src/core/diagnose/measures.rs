@@ -2,6 +2,7 @@
 
 use crate::diagnose::evidence::EvidenceScale;
 use crate::diagnose::limits::{ERROR_OF_EFFECT, LEAST_FALL, MODEL_ERROR};
+use crate::extent::ends;
 use crate::fit::data::run_data::{RunData, SensorData};
 use crate::fit::outcome::fit::{Fit, SensorFit};
 
@@ -46,13 +47,17 @@ pub(crate) fn fall(start: &Fit, runs: &[RunData], from: f64, to: f64) -> f64 {
 pub(crate) fn least_fall(runs: &[RunData], taken: f64) -> f64 {
     let (mut square, mut n) = (0.0, 0.0);
     for sensor in runs.iter().flat_map(|run| &run.sensors) {
-        let (low, high) =
-            sensor.head_m.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), m| (l.min(*m), h.max(*m)));
+        let (low, high) = ends(&sensor.head_m);
         let samples = sensor.head_m.len() as f64;
         square += samples * (MODEL_ERROR * 0.5 * (high - low) / sensor.total_noise_m).powi(2);
         n += samples;
     }
-    (square / f64::max(n, 1.0)).max(LEAST_FALL.powi(2)) + ERROR_OF_EFFECT.powi(2) * taken.max(0.0)
+    (square / f64::max(n, 1.0)).max(LEAST_FALL.powi(2)) + error_of_effects(taken)
+}
+
+/// What two right models of effects differ by, of the squared error over noise, where these effects have `taken` so much of it.
+pub(crate) fn error_of_effects(taken: f64) -> f64 {
+    ERROR_OF_EFFECT.powi(2) * taken.max(0.0)
 }
 
 /// What a fit would leave if it went on to the optimum that its linearised problem predicts.

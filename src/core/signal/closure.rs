@@ -1,5 +1,6 @@
 //! When the valve closed, as the record shows it.
 
+use crate::extent::ends;
 use crate::recording::Recording;
 use crate::rig::SensorKind;
 use crate::signal::features::{Closure, Estimate};
@@ -45,7 +46,7 @@ pub(crate) fn shut(station: &Station) -> Option<f64> {
     // the sum of the head and its image, over the half swing; none where that does not stand out
     let off_image = |t: &usize| {
         let next = &head_m[t + half..t + half + whole];
-        let (low, high) = next.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
+        let (low, high) = ends(next);
         let (middle, swing) = (mean(next), 0.5 * (high - low));
         let sum = (head_m[*t] - middle) + growth * (next[0] - middle);
         (swing > STANDS_OUT * station.coarse_sd_m).then(|| (sum / swing).abs())

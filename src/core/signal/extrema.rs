@@ -1,5 +1,6 @@
 //! Half cycles, their extrema, the period and the damping.
 
+use crate::extent::ends;
 use crate::signal::features::{Estimate, Extremum};
 use crate::signal::trace::{Trace, moving_mean};
 
@@ -46,9 +47,7 @@ pub(crate) fn half_cycles(trace: &Trace, start_s: f64, period_s: f64, sd_m: f64)
     };
 
     let swing = |from: usize, to: usize| {
-        let (lo, hi) = (from..to.min(after.len()))
-            .map(|i| smooth[i] - middle[i])
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), d| (lo.min(d), hi.max(d)));
+        let (lo, hi) = ends((from..to.min(after.len())).map(|i| smooth[i] - middle[i]));
         hi - lo
     };
     let mut cycles = HalfCycles::default();

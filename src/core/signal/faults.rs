@@ -5,6 +5,7 @@
 
 use serde::Serialize;
 
+use crate::extent::ends;
 use crate::number::{duration, error_m, significant};
 use crate::recording::Recording;
 use crate::rig::check::ATMOSPHERE_PA;
@@ -478,8 +479,4 @@ fn runs(values: &[f64]) -> Vec<(usize, usize)> {
         }
     }
     found
-}
-
-fn ends(values: &[f64]) -> (f64, f64) {
-    values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(*v), hi.max(*v)))
 }

@@ -1,5 +1,6 @@
 //! What an effect does to the record of one sensor, shown on a rig of the project.
 
+use crate::extent::ends;
 use crate::model::effects::{Chosen, Site};
 use crate::model::parameter::Parameter;
 use crate::model::trace::Trace;
@@ -107,8 +108,7 @@ impl Example {
 
     /// Range of the base model's trace, m.
     fn range_m(&self) -> f64 {
-        let (low, high) =
-            self.points().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), p| (low.min(p.1), high.max(p.1)));
+        let (low, high) = ends(self.points().map(|p| p.1));
         high - low
     }
 

@@ -1,5 +1,6 @@
 //! Lines out of order, times that stand twice, times that are missing.
 
+use crate::extent::ends;
 use crate::number::significant;
 use crate::storage::error::{CsvFault, CsvProblem};
 use crate::storage::import::csv::grid::{Hole, even_holes, even_step};
@@ -157,7 +158,7 @@ fn join_repeats(table: &mut Table, repairs: &mut Vec<Repair>) -> Result<(), CsvF
         let mut spread = 0.0f64;
         for column in &mut table.columns {
             let present = || column[from..to].iter().copied().filter(|v| !v.is_nan());
-            let (low, high) = present().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+            let (low, high) = ends(present());
             let mean = match present().count() {
                 0 => f64::NAN,
                 _ if low == high => low,

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 
+use crate::extent::ends;
 use crate::recording::Series;
 use crate::storage::import::csv::missing::{Spellings, is_missing, missing};
 use crate::storage::import::gaps::gaps;
@@ -140,7 +141,7 @@ const LEAST_PART: f64 = 0.1;
 /// neighbours on both sides contradict. The rest of the column never leaves its neighbours so far for so short a time, or never steps so far.
 fn take_dropouts(values: &mut [f64], lines: &[usize], spellings: &mut Spellings) {
     let read = values.iter().filter(|v| !v.is_nan());
-    let (low, high) = read.clone().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), &v| (l.min(v), h.max(v)));
+    let (low, high) = ends(read.clone());
     let all = read.count();
     for stray in [0.0, low, high] {
         let count = values.iter().filter(|v| **v == stray).count();
@@ -179,7 +180,7 @@ fn take_sparks(values: &mut [f64], lines: &[usize], spellings: &mut Spellings) {
 fn is_contradicted(values: &[f64], stray: f64) -> bool {
     let read: Vec<f64> = values.iter().copied().filter(|v| !v.is_nan()).collect();
     let others: Vec<f64> = read.iter().copied().filter(|v| *v != stray).collect();
-    let (low, high) = others.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), &v| (l.min(v), h.max(v)));
+    let (low, high) = ends(&others);
     // how far a few values on end lie outside of what stands before and after them, at most; and the largest step
     let apart = |length: usize| {
         let away = |w: &[f64]| {
@@ -219,7 +220,7 @@ const TURNS_BACK: f64 = 0.15;
 fn take_held(values: &mut [f64], lines: &[usize], name: &str) -> Option<Repair> {
     let places: Vec<usize> = (0..values.len()).filter(|&i| !values[i].is_nan()).collect();
     let read: Vec<f64> = places.iter().map(|&i| values[i]).collect();
-    let (low, high) = read.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), &v| (l.min(v), h.max(v)));
+    let (low, high) = ends(&read);
     // the share of equal neighbours, and whether the steps turn back as noise does
     let moves = |part: &[f64]| {
         let steps: Vec<f64> = part.windows(2).map(|w| w[1] - w[0]).collect();
