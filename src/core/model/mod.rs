@@ -40,6 +40,7 @@ pub mod solver;
 pub(crate) mod sparse;
 pub(crate) mod state;
 pub mod steady;
+pub mod stencil;
 pub mod stop;
 pub mod trace;
 pub(crate) mod unsteady_kernels;

@@ -194,6 +194,7 @@ impl Stepped<'_> {
                 balance.advance(&mut self.terms, state);
             }
             None if self.terms.is_empty() => {}
+            // `fill` is a function of its own, which a build in many units leaves as a call.
             None => {
                 for sum in &mut state.storage {
                     *sum = 0.0;

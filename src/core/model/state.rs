@@ -2,11 +2,12 @@
 
 use crate::model::contribution::{Implicit, NodeField};
 use crate::model::friction::ReachFriction;
-use crate::model::grid::{Segment, Stencil};
+use crate::model::grid::Segment;
 use crate::model::kernel;
 use crate::model::kernel::Terms;
 use crate::model::late::Late;
 use crate::model::steady::Steady;
+use crate::model::stencil::Stencil;
 use crate::model::trace::{Probe, Trace};
 
 /// State of the line: waves, head deviations and scaled flows `u = B Q` at all nodes, segment after segment.
@@ -43,7 +44,7 @@ impl State {
         }
     }
 
-    /// The new waves become the old ones.
+    /// The new waves become the old ones, without a call.
     #[inline(always)]
     pub(crate) fn turn(&mut self) {
         let (fwd, bwd) = (std::mem::take(&mut self.fwd), std::mem::take(&mut self.bwd));
@@ -110,7 +111,7 @@ impl State {
         }
     }
 
-    /// Appends what each probe reads now.
+    /// Appends what each probe reads now; by index, for adapters of iterators would be calls, as `swap` in [`State::turn`].
     #[inline(always)]
     pub(crate) fn read(&self, traces: &mut [Trace], readings: &[Reading]) {
         for i in 0..traces.len().min(readings.len()) {

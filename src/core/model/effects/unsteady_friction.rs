@@ -77,7 +77,7 @@ impl Effect for UnsteadyFriction {
         let segments: Vec<Decays> =
             segments.map(|(segment, &flow)| Decays::new(segment, flow, scale, steady)).collect();
         let together = steady.grid.together(|a, b| segments[a] == segments[b]);
-        let memories = together.into_iter().map(|(segment, nodes)| Memory::new(&segments[segment], nodes)).collect();
+        let memories = together.into_iter().map(|(segment, nodes)| Memory::of(&segments, segment, nodes)).collect();
         Ok(vec![Box::new(Convolution { segments, memories })])
     }
 }
@@ -108,9 +108,9 @@ struct Decays {
 
 /// The memory of nodes that remember alike.
 struct Memory {
+    /// A segment that they are of.
+    segment: usize,
     nodes: Range<usize>,
-    forgotten: f64,
-    terms: Vec<(f64, f64)>,
     /// `c x`: blocks of nodes, in each block one exponential after the other.
     states: Vec<[f64; BLOCK]>,
 }
@@ -136,10 +136,10 @@ impl Decays {
 }
 
 impl Memory {
-    fn new(decays: &Decays, nodes: Range<usize>) -> Self {
-        let rest: Vec<[f64; BLOCK]> = decays.steady.iter().map(|&x| [x; BLOCK]).collect();
+    fn of(segments: &[Decays], segment: usize, nodes: Range<usize>) -> Self {
+        let rest: Vec<[f64; BLOCK]> = segments[segment].steady.iter().map(|&x| [x; BLOCK]).collect();
         let states = rest.repeat(nodes.len().div_ceil(BLOCK));
-        Memory { nodes, forgotten: decays.forgotten, terms: decays.terms.clone(), states }
+        Memory { segment, nodes, states }
     }
 
     /// One block: takes its new flows and adds the known part of the next step. Loops by index: adapters of iterators are functions of
@@ -203,7 +203,8 @@ impl LineTerm for Convolution {
     }
 
     fn advance(&mut self, _h: &[f64], u: &[f64], _storage: &mut [f64], momentum: &mut [f64]) {
-        for Memory { nodes, forgotten, terms, states } in &mut self.memories {
+        for Memory { segment, nodes, states } in &mut self.memories {
+            let Decays { terms, forgotten, .. } = &self.segments[*segment];
             advance_blocks(terms, *forgotten, states, &u[nodes.clone()], &mut momentum[nodes.clone()]);
         }
     }
