@@ -15,7 +15,7 @@ use crate::fit::numeric::least_squares::{Problem, jacobian};
 use crate::fit::outcome::fit::{Fit, FittedParameter};
 use crate::fit::problem::fit_problem::{FitProblem, Window};
 use crate::fit::search::options::Options;
-use crate::model::effects::{Chosen, Circumstances, boils};
+use crate::model::effects::{Chosen, Circumstances};
 use crate::model::{Model, ModelError};
 use crate::product::{along, dot, gram};
 use crate::rig::Rig;
@@ -178,10 +178,9 @@ impl<'a> Baseline<'a> {
         FitProblem::new(model, &self.runs, window(self.reaches))
     }
 
-    /// The same for a descent that moves all parameters: a coarser grid shows the way, except to cavities, whose collapse belongs to the grid.
+    /// The same for a descent that moves all parameters: a coarser grid shows the way.
     pub(crate) fn passing<'m>(&'m self, model: &'m Model<'m>) -> FitProblem<'m> {
-        let problem = self.problem(model);
-        if boils(&model.effects) { problem } else { problem.with_slopes_of_half(model.least_reaches(&self.values)) }
+        self.problem(model).with_coarse_slopes(model.least_reaches(&self.values))
     }
 
     /// The residuals of samples and flow meters, without those of priors.

@@ -70,16 +70,16 @@ pub fn base_name(name: &str) -> &str {
 }
 
 fn reason_against(effect: &dyn Effect, rig: &Rig, start: &[Chosen]) -> Option<String> {
-    let excluded = |a: &dyn Effect, b: &str| a.excludes().iter().find(|(name, _)| *name == b).map(|(_, why)| *why);
     let beside = start.iter().find_map(|c| {
-        let why = excluded(effect, c.effect.name()).or_else(|| excluded(c.effect, effect.name()))?;
+        let why = reason_apart(effect, c.effect)?;
         Some(format!("cannot be combined with {}: {why}", c.effect.name()))
     });
     effect.impossible(rig).map(str::to_owned).or(beside)
 }
 
-/// Whether two effects may be at work together.
-pub(crate) fn can_be_combined(a: &dyn Effect, b: &dyn Effect) -> bool {
-    let excludes = |x: &dyn Effect, name: &str| x.excludes().iter().any(|(other, _)| *other == name);
-    !excludes(a, b.name()) && !excludes(b, a.name())
+/// Why two effects cannot be at work together, if they cannot.
+pub(crate) fn reason_apart(a: &dyn Effect, b: &dyn Effect) -> Option<&'static str> {
+    let excluded =
+        |x: &dyn Effect, name: &str| x.excludes().iter().find(|(other, _)| *other == name).map(|(_, why)| *why);
+    excluded(a, b.name()).or_else(|| excluded(b, a.name()))
 }

@@ -46,20 +46,24 @@ impl Met {
         self.fit.as_ref().map_or(forecast, square)
     }
 
+    /// Its effects, in the form of the fit or of the forecast.
+    pub(crate) fn effects(&self) -> Option<&[Chosen]> {
+        let forecast = || self.forecast.as_ref().map(|f| &f.effects[..]);
+        self.fit.as_ref().map(|fit| &fit.effects[..]).or_else(forecast)
+    }
+
     /// Effects and values of all variables, of the fit or as forecast.
     pub(crate) fn model(&self) -> Option<(&[Chosen], Vec<f64>)> {
-        let forecast = self.forecast.as_ref().map(|f| (&f.effects[..], f.values.clone()));
-        self.fit.as_ref().map(|fit| (&fit.effects[..], fit.values())).or(forecast)
+        let forecast = || self.forecast.as_ref().map(|f| (&f.effects[..], f.values.clone()));
+        self.fit.as_ref().map(|fit| (&fit.effects[..], fit.values())).or_else(forecast)
     }
 
     /// Keeps a fit if it is better than the one so far.
-    pub(crate) fn take(&mut self, fit: Fit) -> bool {
-        let better = self.fit.as_ref().is_none_or(|known| square(&fit) < square(known));
-        if better {
+    pub(crate) fn take(&mut self, fit: Fit) {
+        if self.fit.as_ref().is_none_or(|known| square(&fit) < square(known)) {
             self.is_converged = false;
             self.is_contested = false;
             self.fit = Some(fit);
         }
-        better
     }
 }

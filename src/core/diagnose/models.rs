@@ -3,7 +3,7 @@
 use crate::diagnose::baseline::Baseline;
 use crate::diagnose::candidate::{Form, base_name};
 use crate::diagnose::fitter::Fitter;
-use crate::diagnose::measures::{least_fall, over_noise};
+use crate::diagnose::measures::{error_of_effects, least_fall, over_noise};
 use crate::diagnose::met::{Key, Met};
 use crate::fit::outcome::fit::Fit;
 use crate::model::effects::Chosen;
@@ -38,7 +38,7 @@ impl<'a> Search<'a> {
 
     /// The same where effects have `taken` some more of it.
     pub(crate) fn least_fall_after(&self, taken: f64) -> f64 {
-        self.least_fall + least_fall(self.fitter.runs, taken) - least_fall(self.fitter.runs, 0.0)
+        self.least_fall + error_of_effects(taken)
     }
 
     /// How much of the squared error over noise a model has taken.
@@ -52,12 +52,17 @@ impl<'a> Search<'a> {
     }
 
     pub(crate) fn get_mut(&mut self, key: &[&'static str]) -> &mut Met {
+        let place = self.place(key);
+        &mut self.met[place]
+    }
+
+    /// Where a model stands in the list; at its end where it is new.
+    pub(crate) fn place(&mut self, key: &[&'static str]) -> usize {
         let known = self.met.iter().position(|m| m.key == key);
-        let i = known.unwrap_or_else(|| {
+        known.unwrap_or_else(|| {
             self.met.push(Met::new(key.to_vec()));
             self.met.len() - 1
-        });
-        &mut self.met[i]
+        })
     }
 
     /// Which effects of a model the start model lacks, or has with fewer elements.
@@ -67,6 +72,11 @@ impl<'a> Search<'a> {
             own.is_some_and(|own| own.elements.is_none() || own.elements >= c.elements)
         };
         (0..effects.len()).filter(|&i| !known(&effects[i])).collect()
+    }
+
+    /// What a model adds to the start model.
+    pub(crate) fn added_effects(&self, effects: &[Chosen]) -> Vec<Chosen> {
+        self.added(effects).into_iter().map(|i| effects[i].clone()).collect()
     }
 
     pub(crate) fn key(&self, effects: &[Chosen]) -> Key {
@@ -80,22 +90,13 @@ impl<'a> Search<'a> {
         if state.is_empty() {
             return Some(Vec::new());
         }
-        let (effects, _) = self.get(state)?.model()?;
-        Some(self.added(effects).into_iter().map(|i| effects[i].clone()).collect())
+        Some(self.added_effects(self.get(state)?.effects()?))
     }
 
     /// The best form of each effect alone.
     pub(crate) fn forms_alone(&self) -> Vec<Form> {
-        let alone = self.met.iter().filter(|m| m.key.len() == 1);
-        alone
-            .filter_map(|m| {
-                let chosen = self.effects_of(&m.key)?.pop()?;
-                self.fitter
-                    .asked
-                    .iter()
-                    .all(|c| base_name(c.effect.name()) != m.key[0])
-                    .then_some(Form { effect: m.key[0], chosen })
-            })
-            .collect()
+        let is_asked = |name: &str| self.fitter.asked.iter().any(|c| base_name(c.effect.name()) == name);
+        let alone = self.met.iter().filter(|m| m.key.len() == 1 && !is_asked(m.key[0]));
+        alone.filter_map(|m| Some(Form { effect: m.key[0], chosen: self.effects_of(&m.key)?.pop()? })).collect()
     }
 }

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use crate::diagnose::baseline::Baseline;
-use crate::diagnose::candidate::{Form, base_name, can_be_combined};
+use crate::diagnose::candidate::{Form, base_name, reason_apart};
 use crate::diagnose::evidence::{EvidenceScale, tempered};
 use crate::diagnose::limits::{
     FULL_FITS, INDISTINGUISHABLE, LEAST_EVIDENCE, LEAST_FORECAST, NEGLIGIBLE_EVIDENCE, NO_FULL_FIT_ABOVE,
@@ -91,8 +91,7 @@ impl Search<'_> {
             .par_iter()
             .filter_map(|&i| {
                 let forecast = this.met[i].forecast.as_ref()?;
-                let added: Vec<Chosen> =
-                    this.added(&forecast.effects).into_iter().map(|k| forecast.effects[k].clone()).collect();
+                let added = this.added_effects(&forecast.effects);
                 // elements are added one by one, from the signals, which is more reliable
                 let grows = added.len() == 1 && added[0].elements.is_some();
                 let fit = match grows {
@@ -126,8 +125,7 @@ impl Search<'_> {
         let fits: Vec<(usize, Option<Fit>)> = order
             .par_iter()
             .map(|&i| {
-                let effects = this.met[i].model().map_or(Vec::new(), |(effects, _)| effects.to_vec());
-                let added: Vec<Chosen> = this.added(&effects).into_iter().map(|k| effects[k].clone()).collect();
+                let added = this.effects_of(&this.met[i].key).unwrap_or_default();
                 (i, this.fitter.anew(&added).ok())
             })
             .collect();
@@ -144,10 +142,10 @@ impl Search<'_> {
         let Some(of_state) = self.effects_of(state) else { return };
         let alone: Vec<Form> = self.forms_alone();
         let root = &self.from.effects;
-        let coarse: Vec<Forecast> = alone
+        let mut coarse: Vec<Forecast> = alone
             .par_iter()
             .filter(|form| !state.contains(&form.effect))
-            .filter(|form| of_state.iter().all(|c| can_be_combined(c.effect, form.chosen.effect)))
+            .filter(|form| of_state.iter().all(|c| reason_apart(c.effect, form.chosen.effect).is_none()))
             .filter_map(|form| {
                 let added: Vec<Chosen> = of_state.iter().chain([&form.chosen]).cloned().collect();
                 let fit = self.fitter.coarse(root, &added).ok()?;
@@ -161,7 +159,6 @@ impl Search<'_> {
                 })
             })
             .collect();
-        let mut coarse = coarse;
         coarse.sort_by(|a, b| a.square.total_cmp(&b.square));
         let most = NO_FULL_FIT_ABOVE * coarse.first().map_or(0.0, |f| f.square);
         coarse.retain(|f| f.square <= most);
@@ -169,9 +166,9 @@ impl Search<'_> {
         let which: Vec<usize> = coarse
             .into_iter()
             .map(|f| {
-                let key = self.key(&f.effects);
-                self.get_mut(&key).forecast = Some(f);
-                self.met.iter().position(|m| m.key == key).unwrap_or(0)
+                let place = self.place(&self.key(&f.effects));
+                self.met[place].forecast = Some(f);
+                place
             })
             .collect();
         self.fit_forecasts(&which);

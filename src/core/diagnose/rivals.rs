@@ -1,4 +1,4 @@
-//! Rivals: models are compared at their optima and on as fine a grid, or not at all.
+//! Rivals: models of one size that come near the best one are fitted on before they are compared with it.
 
 use rayon::prelude::*;
 
@@ -37,7 +37,7 @@ impl Search<'_> {
         }
     }
 
-    /// Fits on the rivals of a model from where that ended.
+    /// Fits on the rivals of a model from where that ended, and until they converge where they may leave less.
     fn rivals(&mut self, winner: &Fit, own: &Key) {
         let near = CONVERGE_BELOW * square(winner);
         let rivals: Vec<usize> = (0..self.met.len())

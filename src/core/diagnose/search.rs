@@ -1,9 +1,9 @@
 //! The search: models with more effects than the start model, the most promising first.
 //!
-//! A state is a set of effects that the start model lacks. Its neighbours have one more, one less, or one exchanged for another. A step looks at all
-//! neighbours of a state: the projected residual on the coarse grid forecasts what each would leave ([`screening`](crate::diagnose::screening)), and
-//! those that may win are fitted from there. The search goes on from the best model of each size, first by these forecasts, then from the signals,
-//! and ends where nothing is left that a further effect could be worth. No rival of the best model stays short of its optimum.
+//! A state is a set of effects that the start model lacks. A step adds one effect to a state: the projected residual on the coarse grid forecasts what
+//! each would leave ([`screening`](crate::diagnose::screening)), and those that may win are fitted from there. The search goes on from the best models
+//! of each size, first by these forecasts, then from the signals, and ends where nothing is left that a further effect could be worth. Exchanging an
+//! effect and leaving one out are tried only around the best model, which is compared with its rivals ([`rivals`](crate::diagnose::rivals)).
 
 use crate::diagnose::evidence::tempered;
 use crate::diagnose::limits::{INDISTINGUISHABLE, QUIET, START_DOUBTFUL};
@@ -88,8 +88,8 @@ impl Search<'_> {
         met.fit.as_ref().is_some_and(|fit| beyond(fit, self.fitter.runs) >= self.least_fall_after(self.taken(fit)))
     }
 
-    /// Whether a model of at most that size leaves so little that forecasts are accurate: what they do not promise will not appear. A single effect that
-    /// gets there against what the instruments say has not shown that no other would.
+    /// Whether a model of at most that size leaves so little that forecasts are accurate: what they do not promise will not appear. A single effect counts
+    /// only if its fit contradicts no instrument and has no parameter at a bound; otherwise another one may be the true one.
     pub(crate) fn is_quiet(&self, size: usize) -> bool {
         let runs = self.fitter.runs;
         let quiet = |fit: &Fit| over_noise(fit, runs) < QUIET && (size > 1 || is_sound(fit, runs));

@@ -1,6 +1,5 @@
 //! What the records say of every model that the search has met: its evidence over the start model, and its share of the probability.
 
-use crate::diagnose::baseline::Baseline;
 use crate::diagnose::evidence::{EvidenceScale, probabilities, tempered};
 use crate::diagnose::limits::{LEAST_EVIDENCE, NEGLIGIBLE_EVIDENCE, ODDS_AT_BOUND, PRIOR_ODDS_OF_PAIR};
 use crate::diagnose::measures::{evidence_scale, fall, over_noise, square};
@@ -8,7 +7,9 @@ use crate::diagnose::met::Met;
 use crate::diagnose::models::Search;
 use crate::fit::outcome::fit::{Fit, FittedParameter};
 use crate::fit::outcome::uncertainty::Uncertainty;
+use crate::model::Model;
 use crate::model::effects::{Chosen, SHOWN};
+use crate::model::parameter::Parameter;
 
 /// The models, weighed.
 pub(crate) struct Weighed<'s> {
@@ -24,6 +25,8 @@ pub(crate) struct WeighedModel<'s> {
     pub(crate) added: Vec<Chosen>,
     /// The parameters of that.
     pub(crate) parameters: Vec<FittedParameter>,
+    /// Free parameters of the whole model that the rig does not know beforehand.
+    free: usize,
     /// It is stronger than what every rig has of it.
     pub(crate) is_noteworthy: bool,
     /// Evidence over the start model, natural logarithm of odds before tempering.
@@ -58,10 +61,9 @@ pub(crate) fn weigh<'s>(search: &'s Search) -> Weighed<'s> {
     // Instruments within their class are at work on every rig: an effect is claimed only over the best model that they allow.
     let within_class = models.iter().filter(|m| m.added.len() == 1 && !m.is_noteworthy).map(|m| m.met.square());
     let allowed = within_class.fold(square(start), f64::min);
-    let own_free = free(baseline, &start.effects);
+    let of_start = free(&baseline.model(&start.effects));
     for model in &mut models {
-        let effects = model.met.model().map_or(Vec::new(), |(effects, _)| effects.to_vec());
-        let more = free(baseline, &effects).saturating_sub(own_free);
+        let more = model.free.saturating_sub(of_start);
         model.evidence = scale.evidence(allowed, model.met.square(), more);
     }
     // A model has to be worth more than each smaller one.
@@ -84,8 +86,9 @@ pub(crate) fn weigh<'s>(search: &'s Search) -> Weighed<'s> {
     }
     hand_over(&mut models);
     for model in &mut models {
-        let prior: f64 = model.added.iter().map(|c| c.effect.odds(&baseline.known)).product();
-        model.is_shown = model.added.iter().any(|c| c.effect.odds(&baseline.known) >= SHOWN);
+        let odds: Vec<f64> = model.added.iter().map(|c| c.effect.odds(&baseline.known)).collect();
+        let prior: f64 = odds.iter().product();
+        model.is_shown = odds.iter().any(|odds| *odds >= SHOWN);
         // Prior odds in favour of an effect do not make up for a fit without evidence. If a record shows the effect by itself, any improvement will do.
         let least = if model.is_shown { 0.0 } else { LEAST_EVIDENCE };
         let prior = if model.evidence < least { prior.min(1.0) } else { prior };
@@ -124,6 +127,7 @@ fn described<'s>(search: &Search, met: &'s Met) -> Option<WeighedModel<'s>> {
     let single = (which.len() == 1).then(|| which[0]);
     Some(WeighedModel {
         met,
+        free: free(&model),
         is_noteworthy: which.iter().all(|&i| effects[i].effect.noteworthy(values_of(i), &search.baseline.known)),
         stands_for: single.and_then(|i| effects[i].effect.stands_for(values_of(i))),
         added: which.into_iter().map(|i| effects[i].clone()).collect(),
@@ -136,12 +140,12 @@ fn described<'s>(search: &Search, met: &'s Met) -> Option<WeighedModel<'s>> {
 }
 
 /// Free parameters that the rig does not know beforehand.
-fn free(baseline: &Baseline, effects: &[Chosen]) -> usize {
-    baseline.model(effects).shared.iter().filter(|p| p.prior.is_none()).count()
+fn free(model: &Model) -> usize {
+    model.shared.iter().filter(|p| p.prior.is_none()).count()
 }
 
 /// A parameter as a forecast has it.
-fn unfitted(p: &crate::model::parameter::Parameter, value: f64) -> FittedParameter {
+fn unfitted(p: &Parameter, value: f64) -> FittedParameter {
     FittedParameter {
         name: p.name.clone(),
         about: p.about,

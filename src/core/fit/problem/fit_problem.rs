@@ -16,6 +16,7 @@ use crate::fit::problem::parameters::placed_sensor;
 use crate::fit::problem::rows::SampleRows;
 use crate::fit::progress::Passing;
 use crate::model::constraint::{Constraint, Given};
+use crate::model::effects::boils;
 use crate::model::parameter::{Parameter, Scale};
 use crate::model::trace::Trace;
 use crate::model::{Model, ModelError, RunValues};
@@ -153,6 +154,11 @@ impl<'a> FitProblem<'a> {
         let coarser =
             FitProblem::new(self.model, self.runs, Window { reaches, ..self.window }).comparing(self.objective);
         FitProblem { coarser: Some(Box::new(coarser)), ..self }
+    }
+
+    /// The same on a coarse grid, but for cavities, whose collapse belongs to the grid.
+    pub(crate) fn with_coarse_slopes(self, least: usize) -> Self {
+        if boils(&self.model.effects) { self } else { self.with_slopes_of_half(least) }
     }
 
     /// The first run and sensor whose frequencies should be compared and cannot be.

@@ -12,7 +12,7 @@ use crate::fit::search::thresholds::{
     COARSE, COARSE_REACHES, EVALUATE_ONLY, FOLLOWED, HOPELESS_START_RATIO, LOCKING, LOCKING_PERIODS, LOCKING_REACHES,
     LOOKED_AGAIN, MAX_RELEASED, POOR_FIT_COST, SCREENING,
 };
-use crate::model::effects::{Chosen, boils};
+use crate::model::effects::Chosen;
 use crate::model::{Model, ModelError};
 
 /// Ends of descents, the best first, and of those that have met the best alone.
@@ -240,9 +240,8 @@ fn attempt(
         ctx.window(model.fitting_reaches(shared, COARSE_REACHES), horizon_s)
     };
     let mut problem = FitProblem::new(model, ctx.runs, window);
-    // The collapse of cavities belongs to the grid.
-    if limits.iterations > 0 && !boils(&model.effects) {
-        problem = problem.with_slopes_of_half(ctx.least_reaches);
+    if limits.iterations > 0 {
+        problem = problem.with_coarse_slopes(ctx.least_reaches);
     }
     problem.hold(held, values);
     let label = model.effects.iter().map(Chosen::label).collect::<Vec<_>>().join(" + ");

@@ -400,7 +400,7 @@ mod tests {
         }
     }
 
-    /// Thousandths and millionths that no zeros fill up are told from decimals without their last zeros.
+    /// The other cells of a column show whether a fraction counts thousandths or millionths, or is a decimal without its last zeros.
     #[test]
     fn a_fraction_that_no_zeros_fill_up_is_a_count() {
         let of = |cells: &[&str]| Stamp::unpadded(cells.iter().copied());
