@@ -292,7 +292,7 @@ pub struct Checked {
     /// Where it contradicts the rig, a sentence each: most likely an answer was in another unit. An error where no closure can be seen in it.
     pub doubts: Result<Vec<String>, String>,
     /// What to give of sensors whose readings cannot be what the file says, and of which nobody said what they stand for.
-    pub misread: Option<String>,
+    pub misread: Option<Misread>,
 }
 
 /// Checks a file on the rig that was made for it. What is converted or guessed on the way is added to `repairs`.
@@ -311,9 +311,22 @@ pub fn checked(rig: &Rig, file: &SourceFile, source: &SourceOptions, repairs: &m
     Checked { doubts, misread }
 }
 
-/// What to give of pressures whose readings cannot be what the file says; of those that are `scaled` somebody said what they stand for. `recording` is
-/// what is [`used`](crate::signal::window::used) of one.
-pub fn misread(recording: &Recording, faults: &[SensorFault], scaled: &[bool]) -> Option<String> {
+/// Pressures whose readings cannot be what a file says.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "{says}. Say what the numbers of '{sensor}' stand for with option `scale '{sensor}=FACTOR*x {unit}'` and its number, keep them as they are with option `scale '{sensor}={unit}'`, or leave it out with option `ignore '{sensor}'`"
+)]
+pub struct Misread {
+    /// The first of them.
+    pub sensor: String,
+    unit: Unit,
+    /// What all of them show, in a sentence or more.
+    pub says: String,
+}
+
+/// Pressures whose readings cannot be what the file says; of those that are `scaled` somebody said what they stand for. `recording` is what is
+/// [`used`](crate::signal::window::used) of one.
+pub fn misread(recording: &Recording, faults: &[SensorFault], scaled: &[bool]) -> Option<Misread> {
     let rig = &recording.rig;
     let density = rig.fluid.properties(rig.fluid.temperature_degc).density_kg_m3;
     let strange = |(i, sensor): (usize, &Sensor)| {
@@ -337,7 +350,7 @@ pub fn misread(recording: &Recording, faults: &[SensorFault], scaled: &[bool]) -
     let pressures = rig.pressure_sensors().filter(|(i, _)| !scaled.get(*i).copied().unwrap_or(false));
     let found: Vec<(&Sensor, String)> =
         pressures.filter_map(|(i, sensor)| Some((sensor, strange((i, sensor))?))).collect();
-    let (Sensor { name, unit, .. }, _) = found.first()?;
+    let (Sensor { name, unit, .. }, _) = *found.first()?;
     // what several have in common may be the flow's
     let one = |group: &[(&Sensor, String)]| match group {
         [(sensor, says)] => format!("sensor {} is {says}", sensor.name),
@@ -347,10 +360,7 @@ pub fn misread(recording: &Recording, faults: &[SensorFault], scaled: &[bool]) -
         }
     };
     let says: Vec<String> = found.chunk_by(|(_, a), (_, b)| a == b).map(one).collect();
-    Some(format!(
-        "{}. Say what the numbers of '{name}' stand for with option `scale '{name}=FACTOR*x {unit}'` and its number, keep them as they are with option `scale '{name}={unit}'`, or leave it out with option `ignore '{name}'`",
-        says.join("; ")
-    ))
+    Some(Misread { sensor: name.clone(), unit: *unit, says: says.join("; ") })
 }
 
 /// The features of the file, the period that of the sensor that the front reaches first. A record without a steady beginning has no first front: the

@@ -3,6 +3,9 @@
 /// Factor from the median absolute deviation to the standard deviation of a normal distribution.
 pub(crate) const MEDIAN_TO_SD: f64 = 1.4826;
 
+/// Odds (natural logarithm) against a run of equal values by chance from which it is none: one in a million.
+pub const NOT_BY_CHANCE: f64 = 14.0;
+
 /// Median (the upper of the two middle values); reorders its argument; 0 for an empty slice.
 pub fn median(values: &mut [f64]) -> f64 {
     at(values, values.len() / 2)

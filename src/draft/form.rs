@@ -10,7 +10,7 @@ use crate::draft::answers::{
 };
 use crate::draft::reading::Reading;
 use crate::draft::remark::{Remark, Weight, taken};
-use crate::draft::{Said, checked, has_flow, meant};
+use crate::draft::{Misread, Said, checked, has_flow, meant};
 use crate::rig::check::{Level, check};
 use crate::rig::draft::{Draft, Told};
 use crate::rig::sizes::{EXAMPLES, pipe_size};
@@ -289,7 +289,19 @@ impl Form {
         let mut doubts: Vec<String> =
             findings.map(|finding| format!("{}: {}", finding.subject, finding.message)).collect();
         let mut repairs = Vec::new();
-        match checked(&rig, file, &source, &mut repairs).doubts {
+        let checked = checked(&rig, file, &source, &mut repairs);
+        if let Some(Misread { sensor, says, .. }) = checked.misread {
+            let column = draft.sensors.iter().find(|s| s.name == sensor).and_then(|s| s.column.as_ref());
+            let at = file.tracks.iter().position(|track| Some(&track.name) == column);
+            let field = at.map_or("columns".to_owned(), |at| format!("columns.{at}.unit"));
+            remarks.push(Remark::new(
+                Weight::Open,
+                field,
+                format!("{says}. Write what its numbers stand for, or leave it out"),
+            ));
+            return None;
+        }
+        match checked.doubts {
             Ok(found) => doubts.extend(found),
             Err(error) => doubts.push(format!("no closure can be seen in the file: {error}")),
         }

@@ -426,6 +426,16 @@ pub enum CsvProblem {
         /// That of the line.
         second: String,
     },
+    /// The ends of each interval, and nothing between them.
+    #[error(
+        "columns '{largest}' and '{least}' hold the largest and the least value of each interval, and no column holds the values between: leave one out with option `ignore '{least}'`, or keep both by saying what their numbers stand for, each with option `scale '{largest}=UNIT'`"
+    )]
+    EndsAlone {
+        /// The column of the largest values.
+        largest: String,
+        /// That of the least.
+        least: String,
+    },
     /// A pressure above the vacuum, where nothing says what the atmosphere was.
     #[error(
         "column '{column}' is absolute ('{unit}'), and a sensor's pressure counts from the atmosphere: accept the standard one as a guess, or give the \

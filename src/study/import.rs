@@ -3,8 +3,12 @@
 use std::error::Error;
 use std::path::Path;
 
+use crate::draft::{Misread, misread};
+use crate::recording::Recording;
 use crate::rig::Rig;
 use crate::rig::check::return_time_s;
+use crate::signal::faults::examine;
+use crate::signal::window::used;
 use crate::storage::LogError;
 use crate::storage::import::{ImportOptions, Imported, SourceOptions, import_file};
 
@@ -43,10 +47,18 @@ impl ImportError {
     }
 }
 
+/// What stands against a recording that was read onto its rig: pressures that cannot be what the file says. Of those that are `scaled` somebody said
+/// what they stand for. Where a file is not `alone`, what contradicts a sensor in another one may be its clock.
+pub fn misread_in(recording: Recording, scaled: &[bool], alone: bool) -> Option<Misread> {
+    let used = used(recording).0;
+    let faults = if alone { examine(&used).1 } else { Vec::new() };
+    misread(&used, &faults, scaled)
+}
+
 /// Reads a file onto the sensors of a rig; sensors that it lacks stay empty where it is not `alone`.
 ///
 /// # Errors
-/// A file that does not say all that is asked: with what would be guessed, where that is enough.
+/// A file that does not say all that is asked: with what would be guessed, where that is enough. Pressures that cannot be what it says.
 pub fn import(
     path: &Path,
     rig: &Rig,
@@ -54,7 +66,13 @@ pub fn import(
     source: &SourceOptions,
     alone: bool,
 ) -> Result<Imported, ImportError> {
-    let read = |source: &SourceOptions| import_file(path, rig, options, source, alone);
+    let read = |source: &SourceOptions| {
+        let imported = import_file(path, rig, options, source, alone)?;
+        match misread_in(imported.recording.clone(), &imported.scaled, alone) {
+            Some(misread) => Err(LogError::SourceFile { path: path.into(), why: misread.to_string() }),
+            None => Ok(imported),
+        }
+    };
     read(source).map_err(|as_it_stands| {
         let period_s = 2.0 * return_time_s(rig, &rig.fluid.properties(rig.fluid.temperature_degc));
         match read(&SourceOptions { guess: true, period_s: Some(period_s), ..source.clone() }) {

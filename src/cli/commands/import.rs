@@ -14,7 +14,6 @@ use crate::cli::console::outcome::{AnyError, CommandResult, Outcome};
 use crate::cli::console::print::{say, tell, tell_warning};
 use crate::cli::console::progress::busy;
 use crate::cli::console::understood;
-use crate::draft::misread;
 use crate::recording::Recording;
 use crate::report::advice::quoted;
 use crate::rig::Rig;
@@ -27,7 +26,7 @@ use crate::storage::import::{Imported, LongImport, Pass, Repair, SourceOptions, 
 use crate::storage::together::{Together, recorded, together};
 use crate::storage::{ImportOptions, Summary, write};
 use crate::study;
-use crate::study::import::ImportError;
+use crate::study::import::{ImportError, misread_in};
 
 /// Turn time series (CSV, Excel, TDMS, MCAP of other programs) into a recording.
 ///
@@ -119,6 +118,11 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         let long = LongImport { csv: file, rig: &rig, options: &options, source: &foreign, out: &output };
         if let Some(long) = busy(file, || long.run(&mut on_sample))? {
             let used = passing.finish(long.gaps, long.run);
+            let scaled = vec![false; rig.sensors.len()];
+            if let Some(misread) = misread_in(used.clone(), &scaled, true) {
+                std::fs::remove_file(&output)?;
+                return Err(format!("{}: {misread}", file.shown()).into());
+            }
             let reports = long.repairs.into_iter().map(|repair| Report { file: file.clone(), repair }).collect();
             let done = Done {
                 used,
@@ -128,7 +132,6 @@ pub fn run(args: Args, json: bool) -> CommandResult {
                 clocks: Vec::new(),
                 left_out: Vec::new(),
                 understood: Vec::new(),
-                scaled: Vec::new(),
             };
             return done.tell(&args, &output, json);
         }
@@ -137,7 +140,6 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let mut parts = Vec::new();
     let mut understood = Vec::new();
     let mut columns = Vec::new();
-    let mut scaled = vec![false; rig.sensors.len()];
     for (i, path) in args.files.iter().enumerate() {
         // a flow by hand is one reading, not one a file
         let elsewhere = recorded(&parts, &rig);
@@ -147,7 +149,6 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         let imported = read.or_else(|error| guessed(path, error, &args, json))?;
         understood.extend(json.then(|| imported.understood(path)));
         let Imported { recording, repairs, start_digit_s, names, .. } = imported;
-        scaled.iter_mut().zip(imported.scaled).for_each(|(any, own)| *any |= own);
         columns.extend(names);
         reports.extend(repairs.into_iter().map(|repair| Report { file: path.clone(), repair }));
         parts.push(Part { file: path.shown().into_owned(), recording, start_digit_s });
@@ -158,7 +159,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     busy(&output, || write(&output, &recording))?;
     let summary = Summary::of(&recording);
     let (used, _) = used(recording);
-    Done { used, summary, reports, joined, clocks, left_out, understood, scaled }.tell(&args, &output, json)
+    Done { used, summary, reports, joined, clocks, left_out, understood }.tell(&args, &output, json)
 }
 
 /// The file with guesses that the user has accepted; otherwise the error that it gave without them.
@@ -193,13 +194,11 @@ struct Done {
     left_out: Vec<String>,
     /// Each file, as it was understood.
     understood: Vec<Value>,
-    /// Of each sensor, whether somebody said what its numbers stand for.
-    scaled: Vec<bool>,
 }
 
 impl Done {
     fn tell(self, args: &Args, output: &Path, json: bool) -> CommandResult {
-        let Done { used, summary, reports, joined, clocks, left_out, understood, scaled } = self;
+        let Done { used, summary, reports, joined, clocks, left_out, understood } = self;
         let alone = args.files.len() == 1;
         for report in reports.iter().filter(|r| !r.repair.guessed) {
             let line = report.repair.line.map(|l| format!(":{l}")).unwrap_or_default();
@@ -208,12 +207,6 @@ impl Done {
         joined.iter().for_each(|text| tell!("{text}"));
         // What contradicts the rig is cheapest to mend here.
         let (features, faults) = examine(&used);
-        // what contradicts a sensor in another file may be its clock
-        let own = if alone { &faults[..] } else { &[] };
-        if let Some(text) = misread(&used, own, &scaled) {
-            std::fs::remove_file(output)?;
-            return Err(format!("{}: {text}", args.files[0].shown()).into());
-        }
         let lacks = |found: &Features| found.sensors.iter().any(|s| s.missing_at_front_s.is_some());
         // what a sensor did not show, or cut off, is lost as well
         let is_cut = |fault: &SensorFault| matches!(fault.fault, Fault::Stuck | Fault::Clipped);

@@ -10,6 +10,7 @@ use crate::number::{duration, error_m, significant};
 use crate::recording::Recording;
 use crate::rig::check::ATMOSPHERE_PA;
 use crate::rig::{Coupling, Rig};
+use crate::robust::NOT_BY_CHANCE;
 use crate::signal::error::SignalError;
 use crate::signal::features::Features;
 use crate::signal::front::Front;
@@ -106,8 +107,6 @@ const LEAST_SAMPLES: usize = 20;
 const NO_RESPONSE: f64 = 0.05;
 /// Share of the pipe from the supply in which a wave may be too short for a sensor to see.
 const NEAR_SUPPLY: f64 = 0.1;
-/// Odds (natural logarithm) against a run of equal samples by chance from which it is none.
-const NOT_BY_CHANCE: f64 = 14.0;
 /// Share of its swing that a sensor must have moved by just before, or another one meanwhile, for a stop to be seen.
 const STILL_MOVING: f64 = 0.2;
 /// A wave may take so many times as long to a sensor as the rig's wave speed says.

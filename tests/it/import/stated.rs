@@ -103,6 +103,14 @@ fn extremes_beside_the_mean_are_left_out_and_named() {
         format!("{:.3},{a:.4},{b:.4}", 1e-3 * i as f64)
     }));
     assert_eq!(alone.unwrap().tracks.len(), 2);
+    let ends = table("time_s,Valve Max (bar),Valve Min (bar)\n", |i, a, _| {
+        format!("{:.3},{:.4},{:.4}", 1e-3 * i as f64, a + 0.3, a - 0.3)
+    });
+    let error = read(&ends).unwrap_err().to_string();
+    assert!(error.contains("no column holds the values between") && error.contains("`ignore 'Valve Min'`"), "{error}");
+    let folder = folder(&[("t.csv", &ends)]);
+    let (code, _, said) = run(&folder, &[&["rig", "new", "t.csv", "--ignore", "Valve Min"], &PIPE[..]].concat());
+    assert_eq!(code, 0, "{said}");
 }
 
 /// One channel after the other, each with the times from the beginning; runs one after the other are none.

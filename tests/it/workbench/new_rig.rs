@@ -206,6 +206,35 @@ fn a_table_that_was_dropped_is_asked_for_its_rate_and_ranges_and_replaces_nothin
     assert!((velocity - 0.6554).abs() < 1e-3, "{velocity}");
 }
 
+/// Pressures that cannot be are taken no more than by `import`, on a rig that is there as on one that is made.
+#[test]
+fn readings_that_cannot_be_are_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::copy(here(LEAK), folder.path().join("run.mcap")).unwrap();
+    done_in(folder.path(), &["export", "run.mcap", "-o", "plain.csv"]);
+    let plain = std::fs::read_to_string(folder.path().join("plain.csv")).unwrap();
+    let mut lines = plain.lines().filter(|line| !line.starts_with('#'));
+    let heading = lines.next().unwrap();
+    let valve = heading.split(',').position(|name| name == "P2").unwrap();
+    let turned = lines.map(|line| {
+        let cells = line.split(',').enumerate();
+        let cell =
+            |(i, cell): (usize, &str)| if i == valve { format!("-{cell}").replace("--", "") } else { cell.into() };
+        cells.map(cell).collect::<Vec<String>>().join(",") + "\n"
+    });
+    let content = base64(format!("{heading}\n{}", turned.collect::<String>()).as_bytes());
+    let bench = Workbench::open(folder.path(), &["run.mcap"]);
+    bench.fitted();
+    let dropped = |scales: Value, accept: bool| json!({ "name": "turned.csv", "content": content, "scales": scales, "accept": accept });
+    let looked = bench.post("/api/import", &dropped(json!([]), false), 200);
+    let problem = looked["problem"].as_str().unwrap();
+    assert!(problem.contains("sensor P2 is") && !problem.contains("option `"), "{looked}");
+    bench.post("/api/import", &dropped(json!([]), true), 400);
+    assert!(!folder.path().join("turned.mcap").exists());
+    bench.post("/api/import", &dropped(json!([["P2", "-1*x m(H2O)"]]), true), 200);
+    assert!(folder.path().join("turned.mcap").exists());
+}
+
 /// What a file leaves open is a field of the page, and what is written there counts.
 #[test]
 fn the_order_of_day_and_month_of_a_dropped_table_is_asked_for() {

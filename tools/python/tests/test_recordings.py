@@ -50,6 +50,13 @@ def test_gaps_are_as_they_are_and_nan_where_asked_for(tmp_path: Path, table: tup
     assert from_s < time_s[np.isnan(reading)][0] < to_s and (np.diff(time_s) > 0).all()
 
 
+def turned(line: str, place: int) -> str:
+    """A row whose cell at a place has the other sign."""
+    cells = line.rstrip("\n").split(",")
+    cells[place] = str(-float(cells[place]))
+    return ",".join(cells) + "\n"
+
+
 def test_a_slip_is_told_as_the_program_tells_it(tmp_path: Path, table: tuple[Path, Path], program: Program) -> None:
     csv, rig = table
     text = csv.read_text()
@@ -58,6 +65,7 @@ def test_a_slip_is_told_as_the_program_tells_it(tmp_path: Path, table: tuple[Pat
     spoilt = {
         "word": "".join([*lines[:10], f"{tenth[0]},oops{tenth[1]}", *lines[11:]]),
         "sensor": text.replace("P1", "P9", 1),
+        "turned": lines[0] + "".join(turned(line, lines[0].split(",").index("P2")) for line in lines[1:]),
     }
     for name, content in spoilt.items():
         path = tmp_path / f"{name}.csv"

@@ -105,21 +105,35 @@ pub(crate) fn take_unit_columns(layout: &mut Layout<'_>, looks: &[Looks]) {
 
 /// How one channel stands in several columns: in the first as it is, in the others made of it.
 const MEANS: [&str; 6] = ["avg", "mean", "average", "ave", "raw", "unfiltered"];
+const LARGEST: [&str; 2] = ["max", "maximum"];
+const LEAST: [&str; 2] = ["min", "minimum"];
 const MADE: [&str; 11] =
     ["min", "max", "std", "sd", "minimum", "maximum", "filtered", "filt", "smoothed", "smooth", "lowpass"];
+
+/// The channel of a column whose name ends in one of some words.
+fn channel_of(column: &Column, words: &[&str]) -> Option<String> {
+    let name = column.name.trim_end_matches(')').to_lowercase();
+    let (base, word) = name.rsplit_once([' ', '_', '.', '-', '('])?;
+    words.contains(&word).then(|| base.trim_end().to_owned())
+}
+
+/// Two columns that hold the largest and the least value of one channel in each interval.
+pub(crate) fn ends_of_one(columns: &[Column], values: &[usize]) -> Option<[usize; 2]> {
+    let of = |i: usize, words: &[&str]| channel_of(&columns[i], words);
+    values.iter().find_map(|&i| {
+        let largest = of(i, &LARGEST)?;
+        let least = values.iter().find(|&&j| of(j, &LEAST).is_some_and(|least| least == largest))?;
+        Some([i, *least])
+    })
+}
 
 /// Of columns of the least, the mean and the largest value of one channel in each interval, those that are not the mean; and those of a channel that was
 /// filtered, where it stands beside as it was.
 pub(crate) fn extremes(columns: &[Column], values: &[usize]) -> Vec<usize> {
-    let split = |i: usize| {
-        let name = columns[i].name.trim_end_matches(')').to_lowercase();
-        let (base, word) = name.rsplit_once([' ', '_', '.', '-', '('])?;
-        Some((base.trim_end().to_owned(), word.to_owned()))
-    };
-    let is = |i: usize, words: &[&str]| split(i).filter(|(_, word)| words.contains(&word.as_str()));
-    let plain = |i: usize| is(i, &MEANS).map_or_else(|| columns[i].name.to_lowercase(), |(base, _)| base);
+    let is = |i: usize, words: &[&str]| channel_of(&columns[i], words);
+    let plain = |i: usize| is(i, &MEANS).unwrap_or_else(|| columns[i].name.to_lowercase());
     let bases: Vec<String> = values.iter().filter(|&&i| is(i, &MADE).is_none()).map(|&i| plain(i)).collect();
-    values.iter().copied().filter(|&i| is(i, &MADE).is_some_and(|(base, _)| bases.contains(&base))).collect()
+    values.iter().copied().filter(|&i| is(i, &MADE).is_some_and(|base| bases.contains(&base))).collect()
 }
 
 /// The usual step of times that rise.

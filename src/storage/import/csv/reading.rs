@@ -6,7 +6,7 @@ use crate::storage::import::csv::comments::{among_samples, note};
 use crate::storage::import::csv::keyed::Channel;
 use crate::storage::import::csv::layout::{Column, Layout, cells};
 use crate::storage::import::csv::lines::Line;
-use crate::storage::import::csv::looks::extremes;
+use crate::storage::import::csv::looks::{ends_of_one, extremes};
 use crate::storage::import::csv::missing::Spellings;
 use crate::storage::import::csv::numbers::{Numbers, thousands};
 use crate::storage::import::csv::order::put_in_order;
@@ -120,6 +120,15 @@ impl<'a, 't> Reading<'a, 't> {
         let is_value = |i: &usize| !extremes.contains(i) && !codes.contains(i);
         clocks.iter_mut().for_each(|clock| clock.values.retain(is_value));
         values.retain(is_value);
+        let open: Vec<usize> = values
+            .iter()
+            .copied()
+            .filter(|i| is_free(i) && !self.layout.columns[*i].is_ignored(i + 1, self.options))
+            .collect();
+        if let Some(ends) = ends_of_one(&self.layout.columns, &open) {
+            let [largest, least] = ends.map(|i| self.layout.columns[i].name.clone());
+            return Err((self.header_at, Box::new(CsvProblem::EndsAlone { largest, least })));
+        }
         let names = distinct_names(&self.layout.columns, &mut self.repairs);
         let telling: Vec<usize> = words.iter().chain(&codes).copied().collect();
         let states = States::find(&names.iter().map(|(_, name)| name.clone()).collect::<Vec<_>>(), &telling, &values);

@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use crate::extent::ends;
 use crate::recording::Series;
+use crate::robust::NOT_BY_CHANCE;
 use crate::storage::import::csv::missing::{Spellings, is_missing, missing};
 use crate::storage::import::gaps::gaps;
 use crate::storage::import::source::{Repair, SourceFile, counted};
@@ -85,7 +86,7 @@ pub(crate) fn has_strays(values: &[f64]) -> bool {
 /// comes again to the last digit.
 pub(crate) fn take_sentinels(values: &mut [f64], lines: &[usize], spellings: &mut Spellings) {
     let mut sorted: Vec<f64> = values.iter().copied().filter(|v| !v.is_nan() && !is_known(*v)).collect();
-    sorted.sort_by(f64::total_cmp);
+    sorted.sort_unstable_by(f64::total_cmp);
     // a value that stands for none is the least or the largest, however often it comes: the spread is that of the others
     let ends = [sorted.first(), sorted.last()].map(|end| end.copied().unwrap_or(f64::NAN));
     let all = sorted.len();
@@ -120,10 +121,15 @@ pub(crate) fn take_sentinels(values: &mut [f64], lines: &[usize], spellings: &mu
 
 /// Nines, the ends of a range, or more than anything measures.
 fn is_known(value: f64) -> bool {
-    let digits: String = value.abs().to_string().chars().filter(|c| *c != '.').collect();
-    let nines = digits.trim_end_matches('0');
-    let is_nines = nines.len() >= 3 && nines.bytes().all(|b| b == b'9') && value.abs() >= 99.0;
-    is_nines || value.abs() >= ABOVE_ALL || NUMBERS.contains(&value)
+    let is_nines = || {
+        let digits: String = value.abs().to_string().chars().filter(|c| *c != '.').collect();
+        let nines = digits.trim_end_matches('0');
+        nines.len() >= 3 && nines.bytes().all(|b| b == b'9')
+    };
+    // three nines are nearly a power of ten: few numbers need be written out
+    let power = 10_f64.powi(value.abs().log10().ceil() as i32);
+    let is_near = value.abs() >= 99.0 && value.abs() > 0.998 * power;
+    is_near && is_nines() || value.abs() >= ABOVE_ALL || NUMBERS.contains(&value)
 }
 
 fn shown(value: f64) -> String {
@@ -159,7 +165,7 @@ fn take_dropouts(values: &mut [f64], lines: &[usize], spellings: &mut Spellings)
 fn take_sparks(values: &mut [f64], lines: &[usize], spellings: &mut Spellings) {
     let places: Vec<usize> = (0..values.len()).filter(|&i| !values[i].is_nan()).collect();
     let mut sorted: Vec<f64> = places.iter().map(|&i| values[i]).collect();
-    sorted.sort_by(f64::total_cmp);
+    sorted.sort_unstable_by(f64::total_cmp);
     let Some(last) = sorted.len().checked_sub(ENOUGH) else { return };
     let few = last / 200;
     let range = sorted[sorted.len() - 1 - few] - sorted[few];
@@ -210,8 +216,6 @@ fn is_contradicted(values: &[f64], stray: f64) -> bool {
 
 /// So many equal values on end may be a sensor that stands still, and so many on either side tell its noise.
 const LEAST_HELD: usize = 20;
-/// Odds (natural logarithm) against equal values on end by chance from which they are none.
-const NOT_BY_CHANCE: f64 = 14.0;
 /// Noise turns back as often, of all its steps; what moves without noise does not.
 const TURNS_BACK: f64 = 0.15;
 
