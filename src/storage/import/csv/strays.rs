@@ -97,9 +97,22 @@ pub(crate) fn take_sentinels(values: &mut [f64], lines: &[usize], spellings: &mu
     // The middle nine tenths, in which no few strays count.
     let (low, high) = (sorted[last / 20], sorted[last - last / 20]);
     let (spread, size) = (high - low, low.abs().max(high.abs()));
-    // what loggers are known to write needs only be outside of the rest
+    // what loggers are known to write needs only be outside of the rest, and of its neighbours: a surge passes such numbers, too
     let known_reach = spread.max(0.1 * size);
-    let is_known_stray = |v: f64| is_known(v) && (v < low - known_reach || v > high + known_reach);
+    let is_outside = |v: f64| is_known(v) && (v < low - known_reach || v > high + known_reach);
+    let contradicted = |order: &mut dyn Iterator<Item = usize>| {
+        let mut last = f64::INFINITY;
+        let mut found = BTreeSet::new();
+        for i in order.filter(|&i| !values[i].is_nan()) {
+            if !is_known(values[i]) {
+                last = values[i];
+            } else if is_outside(values[i]) && (last - values[i]).abs() > known_reach {
+                found.insert(i);
+            }
+        }
+        found
+    };
+    let known = &contradicted(&mut (0..values.len())) & &contradicted(&mut (0..values.len()).rev());
     // a clipped peak has others near it, and of two levels each lasts
     let reach = FAR * spread.max(size);
     let comes_again = |end: f64| {
@@ -111,8 +124,8 @@ pub(crate) fn take_sentinels(values: &mut [f64], lines: &[usize], spellings: &mu
         true => ends.into_iter().filter(|end| comes_again(*end)).collect(),
         false => Vec::new(),
     };
-    for (value, line) in values.iter_mut().zip(lines) {
-        if is_known_stray(*value) || strays.contains(value) {
+    for (i, (value, line)) in values.iter_mut().zip(lines).enumerate() {
+        if known.contains(&i) || strays.contains(value) {
             spellings.count(&shown(*value), *line);
             *value = missing();
         }
@@ -326,6 +339,15 @@ mod tests {
         // a peak is a peak, also a high one, and so is a value that comes again near the rest
         assert_eq!(column(&[(4, 123.0)]).1, "");
         assert_eq!(column(&[(4, 9.99), (70, 9.99)]).1, "");
+        // a surge that dies away passes the number 99.9
+        let mut surge = [200.0; 400];
+        surge[1..7].copy_from_slice(&[170.0, 130.0, 104.0, 99.9, 108.0, 150.0]);
+        let mut spellings = Spellings::default();
+        take_sentinels(&mut surge, &[1; 400], &mut spellings);
+        assert!(surge[4] == 99.9 && spellings.repair().is_none());
+        surge[9] = 999.9;
+        take_sentinels(&mut surge, &[1; 400], &mut spellings);
+        assert!(surge[9].is_nan() && spellings.repair().is_some());
         // pulses of a trigger, a flow that stops
         let mut pulses = [0.0; 100];
         (pulses[50], pulses[51]) = (5.0, 5.0);
