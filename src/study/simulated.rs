@@ -3,6 +3,7 @@
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::{Fit, FittedParameter};
 use crate::fit::problem::fit_problem::{FitProblem, Window};
+use crate::fit::problem::hum::without_hum;
 use crate::fit::problem::observed::Shown;
 use crate::fit::search::calibrate::{follow, refine};
 use crate::fit::search::nested::or_from_signals;
@@ -110,8 +111,10 @@ impl Simulated {
             for (s, sensor) in run.sensors.iter().enumerate() {
                 let head_m = self.shown.head_m(r, s);
                 let from = sensor.time_s.partition_point(|&t| t < self.shown.closure_start_s(r));
-                let of_sensor = sensor.time_s[from..].iter().zip(&sensor.head_m[from..]);
-                square += of_sensor.map(|(&t, measured)| (measured - head_m(t)).powi(2)).sum::<f64>();
+                let time_s = &sensor.time_s[from..];
+                let left = time_s.iter().zip(&sensor.head_m[from..]).map(|(&t, measured)| measured - head_m(t));
+                square +=
+                    without_hum(sensor, time_s, left.collect()).into_iter().map(|error| error.powi(2)).sum::<f64>();
                 samples += sensor.time_s.len() - from;
             }
         }

@@ -185,9 +185,9 @@ fn noise_of_every_kind_leaves_the_speed_in_its_error() {
     comes_back(Lab { coloured: 0.3, ..CLEAN }, &[L], 1.0, 0.006);
     comes_back(Lab { white: 0.02, quantum: 0.05, ..CLEAN }, &[L], 0.5, 0.003);
     comes_back(Lab { white: 0.05, drift_per_s: 0.4, ..CLEAN }, &[L], 0.5, 0.003);
-    let coloured = inspect(&record(Lab { coloured: 0.3, ..CLEAN }, &[L])).unwrap().sensors[0].noise;
+    let coloured = &inspect(&record(Lab { coloured: 0.3, ..CLEAN }, &[L])).unwrap().sensors[0].noise;
     assert!(coloured.coloured && coloured.effective_fraction < 0.1 && coloured.total_sd_m > 2.0 * coloured.white_sd_m);
-    let stepped = inspect(&record(Lab { white: 0.02, quantum: 0.005, ..CLEAN }, &[L])).unwrap().sensors[0].noise;
+    let stepped = &inspect(&record(Lab { white: 0.02, quantum: 0.005, ..CLEAN }, &[L])).unwrap().sensors[0].noise;
     assert!((stepped.quantum_m.unwrap() - 0.005).abs() < 1e-5);
 }
 

@@ -56,6 +56,7 @@ fn record(rig: &Rig) -> RunData {
             head_m,
             noise_m: 0.05,
             total_noise_m: 0.05,
+            hum: Vec::new(),
             oscillation_m: 0.0,
             offset_sd_m: 0.1,
             saturated: 0,

@@ -22,7 +22,7 @@ use crate::study::open::Loaded;
 /// `pressure_onset_s`}, `flow_m3_s`, `steady_velocity_m_s`, `period_s`, `damping_per_cycle`, `wave_speed_m_s` {`joukowsky`,
 /// `crossings` {`value`, `standard_error`, `low`, `high`, `slow_closure`}, `arrival`, `period`}, `reference_sensor` and `sensors` [{`name`,
 /// `position_m`, `samples`, `gaps`, `interval_s`, `noise` {`white_sd_m`, `total_sd_m`, `coloured`, `lag1_autocorrelation`,
-/// `effective_fraction`, `quantum_m`, `interpolated_share`}, `steady_before_m`, `steady_after_m`, `front_arrival_s`, `first_peak`, `extrema`
+/// `effective_fraction`, `quantum_m`, `interpolated_share`, `hum`, `without_hum`, `line`}, `steady_before_m`, `steady_after_m`, `front_arrival_s`, `first_peak`, `extrema`
 /// [{`cycle`, `peak`, `time_s`, `head_m`}], `damping_per_cycle`}], `doubts` (sentences on contradictions), `sensor_faults` [{`sensor`, `fault`, `says`}], `notes` [{`key`, `value`}], `window` {`from_s`, `to_s`, `averaged`,
 /// `recorded_s`} (what of a long recording is used, else null). Values with an uncertainty
 /// are {`value`, `standard_error`}; values that the recording does not show are null.

@@ -82,18 +82,24 @@ pub fn doubts(rig: &Rig, features: &Features) -> Vec<String> {
                 error_m(corners.sd_m)
             ));
         }
-        if let Some(line) = sensor.noise.line {
-            let what = match line.is_mains(sensor.interval_s) {
-                true => "as the mains do: it counts as noise; shield or ground the sensor's wiring",
-                false => {
-                    "(a pump, or an alias of something faster): no model of a closure reproduces that, so it counts as missing physics; stop its \
-                     source, or filter it before the converter"
-                }
-            };
+        if !sensor.noise.hum.is_empty() {
+            let tones = sensor
+                .noise
+                .hum
+                .iter()
+                .map(|tone| format!("{} m at {} Hz", error_m(tone.amplitude_m), significant(tone.hz, 3)));
             found.push(format!(
-                "{} oscillates at {} Hz by {} m even before the closure {what}",
+                "{} hums as the mains do, by {}: a fit takes the hum out; shield or ground the sensor's wiring",
                 sensor.name,
-                significant(line.cycles_per_sample / sensor.interval_s, 3),
+                tones.collect::<Vec<_>>().join(", ")
+            ));
+        }
+        if let Some(line) = &sensor.noise.line {
+            found.push(format!(
+                "{} oscillates at {} Hz by {} m even before the closure (a pump, or an alias of something faster): no model of a closure reproduces \
+                 that, so it counts as missing physics; stop its source, or filter it before the converter",
+                sensor.name,
+                significant(line.hz, 3),
                 error_m(line.amplitude_m)
             ));
         }

@@ -182,7 +182,7 @@ fn sensor_features(
         interval_s: trace.step_s,
         begin_s: trace.time_s(0.0),
         end_s: trace.time_s((trace.len() - 1) as f64),
-        noise: *noise,
+        noise: noise.clone(),
         steady_before_m: levels::before(&trace.head_m[lead], base_m, newest, noise),
         steady_after_m: levels::after(trace, start_s, period_s, noise),
         front_arrival_s,

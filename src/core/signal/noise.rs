@@ -3,11 +3,12 @@
 use std::borrow::Cow;
 
 use crate::robust::{MEDIAN_TO_SD, median};
+use crate::signal::hum::take_hum;
 use crate::signal::interpolated::{Corners, corners};
 use crate::signal::spectrum::Spectrum;
 
 /// Disturbance of a pressure sensor before the closure; heads in m.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Noise {
     /// Standard deviation of the white part, from second differences (slow disturbances cancel), m.
     pub white_sd_m: f64,
@@ -22,34 +23,26 @@ pub struct Noise {
     pub quantum_m: Option<f64>,
     /// The noise is significantly coloured (three standard deviations beyond white noise).
     pub coloured: bool,
-    /// The part that is not white, if it is one lasting oscillation: not sensor noise, but something in the pipe or its
-    /// wiring.
-    pub line: Option<Line>,
+    /// What the wiring picks up of the mains, the strongest tone first.
+    pub hum: Vec<Tone>,
+    /// Standard deviations of the white part and about a straight line without the hum, m.
+    pub without_hum_m: [f64; 2],
+    /// The part of the rest that is not white, if it is one lasting oscillation: not sensor noise, but something in the pipe.
+    pub line: Option<Tone>,
     /// The points between which the record was interpolated, if it was: its noise is theirs.
     pub corners: Option<Corners>,
 }
 
 /// A lasting oscillation.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Line {
-    /// Its frequency, or an alias of it.
-    pub cycles_per_sample: f64,
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+pub struct Tone {
+    /// Its frequency, or an alias of it, Hz.
+    #[serde(rename = "frequency_hz")]
+    pub hz: f64,
     /// Its amplitude, m.
     pub amplitude_m: f64,
 }
 
-impl Line {
-    /// Whether it has the frequency of the mains, 50 or 60 Hz, or of one of their first harmonics, or an alias of these: such a line comes from the wiring,
-    /// not from the pipe. A motor on the mains turns more slowly, by its slip.
-    pub fn is_mains(&self, interval_s: f64) -> bool {
-        let alias = |hz: f64| (hz * interval_s - (hz * interval_s).round()).abs();
-        let of = |mains_hz: f64| (1..=3).map(move |k| mains_hz * f64::from(k));
-        of(50.0).chain(of(60.0)).any(|hz| (self.cycles_per_sample - alias(hz)).abs() < MAINS_HZ * interval_s)
-    }
-}
-
-/// The mains keep their frequency within this, Hz (EN 50160: 0.5 Hz in 99.5% of a year).
-const MAINS_HZ: f64 = 0.5;
 /// Three limits of an oscillation: the share of the variance that is not white from which it is looked for; the
 /// correlation that it keeps after its first swing; the longest swing, samples.
 const LEAST_SLOW: f64 = 0.3;
@@ -65,8 +58,8 @@ const SPIKY: f64 = 1.5;
 /// A sample this many standard deviations from the median of its five neighbours is a spike.
 const SPIKE: f64 = 8.0;
 
-/// Noise from the samples before the closure (`lead`), or from the whole record if they are too few.
-pub(crate) fn noise(lead: &[f64], whole: &[f64]) -> Noise {
+/// Noise from the samples before the closure (`lead`), `interval_s` apart, or from the whole record if they are too few.
+pub(crate) fn noise(lead: &[f64], whole: &[f64], interval_s: f64) -> Noise {
     let quantum_m = quantum(whole);
     let floor = quantum_m.map_or(0.0, |q| q / 12f64.sqrt());
     let corners = corners(whole, quantum_m);
@@ -79,6 +72,8 @@ pub(crate) fn noise(lead: &[f64], whole: &[f64]) -> Noise {
             effective_fraction: corners.share,
             quantum_m,
             coloured: true,
+            hum: Vec::new(),
+            without_hum_m: [white; 2],
             line: None,
             corners: Some(corners),
         };
@@ -92,6 +87,8 @@ pub(crate) fn noise(lead: &[f64], whole: &[f64]) -> Noise {
             effective_fraction: 1.0,
             quantum_m,
             coloured: false,
+            hum: Vec::new(),
+            without_hum_m: [white; 2],
             line: None,
             corners,
         };
@@ -100,11 +97,8 @@ pub(crate) fn noise(lead: &[f64], whole: &[f64]) -> Noise {
     let white_sd_m = white_sd(lead).0.max(floor);
     let residual = detrended(&despiked(lead));
     let n = residual.len() as f64;
-    let energy: f64 = residual.iter().map(|r| r * r).sum();
-    let total_sd_m = robust((energy / (n - 2.0)).sqrt(), &residual, MEDIAN_TO_SD).0.max(floor);
-    let correlation = |lag: usize| {
-        residual.iter().zip(&residual[lag..]).map(|(a, b)| a * b).sum::<f64>() / energy.max(f64::MIN_POSITIVE)
-    };
+    let total_sd_m = spread(&residual).max(floor);
+    let correlation = |lag: usize| correlation(&residual, lag);
     let lag1_autocorrelation = correlation(1);
     let coloured = lag1_autocorrelation.abs() > 3.0 / n.sqrt();
     // initial positive sequence: stop the sum where the correlation drowns in its own scatter
@@ -116,15 +110,16 @@ pub(crate) fn noise(lead: &[f64], whole: &[f64]) -> Noise {
         }
         sum += rho * (1.0 - lag as f64 / n);
     }
-    // The white part is correlated at lag zero only.
-    let slow = (1.0 - (white_sd_m / total_sd_m).powi(2)).max(0.0);
-    let longest = (residual.len() / 2).min(LONGEST_LINE_LAG);
-    let lasts = slow > LEAST_SLOW && {
-        let first_zero = (1..longest).find(|&lag| correlation(lag) < 0.0).unwrap_or(longest);
-        (first_zero..longest).any(|lag| correlation(lag) > LINE * slow * (1.0 - lag as f64 / n))
+    let mut rest = residual.clone();
+    let hum = take_hum(&mut rest, interval_s);
+    let without_hum_m = match hum[..] {
+        [] => [white_sd_m, total_sd_m],
+        _ => [white_sd(&rest).0.max(floor), spread(&rest).max(floor)],
     };
-    let line = if lasts { line(&residual, total_sd_m * (2.0 * slow).sqrt()) } else { None };
+    let line = lasting(&rest, without_hum_m, interval_s);
     Noise {
+        hum,
+        without_hum_m,
         line,
         corners,
         white_sd_m,
@@ -136,11 +131,38 @@ pub(crate) fn noise(lead: &[f64], whole: &[f64]) -> Noise {
     }
 }
 
+/// Standard deviation about a straight line that was taken off.
+fn spread(residual: &[f64]) -> f64 {
+    let energy: f64 = residual.iter().map(|r| r * r).sum();
+    robust((energy / (residual.len() as f64 - 2.0)).sqrt(), residual, MEDIAN_TO_SD).0
+}
+
+/// Autocorrelation at a lag.
+fn correlation(residual: &[f64], lag: usize) -> f64 {
+    let energy: f64 = residual.iter().map(|r| r * r).sum();
+    residual.iter().zip(&residual[lag..]).map(|(a, b)| a * b).sum::<f64>() / energy.max(f64::MIN_POSITIVE)
+}
+
+/// The lasting oscillation of a disturbance, if it has one, by the standard deviations of its white part and of all.
+fn lasting(residual: &[f64], [white_sd_m, total_sd_m]: [f64; 2], interval_s: f64) -> Option<Tone> {
+    // The white part is correlated at lag zero only.
+    let slow = (1.0 - (white_sd_m / total_sd_m).powi(2)).max(0.0);
+    if slow <= LEAST_SLOW {
+        return None;
+    }
+    let longest = (residual.len() / 2).min(LONGEST_LINE_LAG);
+    let correlated: Vec<f64> = (1..longest).map(|lag| correlation(residual, lag)).collect();
+    let first_zero = correlated.iter().position(|c| *c < 0.0)?;
+    let keeps = |(lag, c): (usize, &f64)| *c > LINE * slow * (1.0 - (lag + 1) as f64 / residual.len() as f64);
+    let lasts = correlated.iter().enumerate().skip(first_zero).any(keeps);
+    if lasts { strongest(residual, total_sd_m * (2.0 * slow).sqrt(), interval_s) } else { None }
+}
+
 /// The strongest oscillation of a disturbance.
-fn line(residual: &[f64], amplitude_m: f64) -> Option<Line> {
-    let number: Vec<f64> = (0..residual.len()).map(|i| i as f64).collect();
-    let cycles_per_sample = Spectrum::of(&number, residual)?.peak_hz(0.0, 0.5)?;
-    Some(Line { cycles_per_sample, amplitude_m })
+fn strongest(residual: &[f64], amplitude_m: f64, interval_s: f64) -> Option<Tone> {
+    let time_s: Vec<f64> = (0..residual.len()).map(|i| i as f64 * interval_s).collect();
+    let hz = Spectrum::of(&time_s, residual)?.peak_hz(0.0, 0.5 / interval_s)?;
+    Some(Tone { hz, amplitude_m })
 }
 
 /// Root mean square, or the median estimate if the values have spikes; the second value says whether they have.
@@ -227,7 +249,7 @@ mod tests {
     fn white_noise_is_white_and_of_its_size() {
         let mut gauss = Gauss::new(1);
         let lead: Vec<f64> = (0..4000).map(|_| 50.0 + 0.03 * gauss.next()).collect();
-        let noise = noise(&lead, &lead);
+        let noise = noise(&lead, &lead, 1e-3);
         assert!((noise.white_sd_m / 0.03 - 1.0).abs() < 0.05, "{noise:?}");
         assert!((noise.total_sd_m / 0.03 - 1.0).abs() < 0.05);
         assert!(!noise.coloured && noise.effective_fraction > 0.9 && noise.quantum_m.is_none());
@@ -238,12 +260,12 @@ mod tests {
     fn spikes_do_not_count_as_noise() {
         let mut gauss = Gauss::new(5);
         let mut lead: Vec<f64> = (0..2000).map(|_| 50.0 + 0.03 * gauss.next()).collect();
-        let clean = noise(&lead, &lead);
+        let clean = noise(&lead, &lead, 1e-3);
         assert!(matches!(despiked(&lead), Cow::Borrowed(_)));
         lead[700] = -10_200.0;
         lead[1500] += 40.0;
         lead[1501] += 35.0;
-        let found = noise(&lead, &lead);
+        let found = noise(&lead, &lead, 1e-3);
         assert!((found.white_sd_m / clean.white_sd_m - 1.0).abs() < 0.1, "{found:?}");
         assert!((found.total_sd_m / clean.total_sd_m - 1.0).abs() < 0.1, "{found:?}");
         assert!(!found.coloured && found.effective_fraction > 0.9, "{found:?}");
@@ -261,7 +283,7 @@ mod tests {
                 0.02 * state
             })
             .collect();
-        let noise = noise(&lead, &lead);
+        let noise = noise(&lead, &lead, 1e-3);
         assert!(noise.coloured && (noise.lag1_autocorrelation - 0.9).abs() < 0.03, "{noise:?}");
         // a first-order process has n_eff/n = (1 - phi)/(1 + phi)
         assert!((noise.effective_fraction - 0.1 / 1.9).abs() < 0.02, "{noise:?}");
@@ -272,9 +294,9 @@ mod tests {
         let mut gauss = Gauss::new(3);
         let step = 0.0031;
         let lead: Vec<f64> = (0..3000).map(|_| ((40.0 + 0.02 * gauss.next()) / step).round() * step).collect();
-        let found = noise(&lead, &lead).quantum_m.unwrap();
+        let found = noise(&lead, &lead, 1e-3).quantum_m.unwrap();
         assert!((found / step - 1.0).abs() < 1e-3, "{found}");
-        let constant = noise(&[7.0; 100], &[7.0; 100]);
+        let constant = noise(&[7.0; 100], &[7.0; 100], 1e-3);
         assert_eq!((constant.white_sd_m, constant.quantum_m), (0.0, None));
     }
 
@@ -283,7 +305,7 @@ mod tests {
         let mut gauss = Gauss::new(4);
         let whole: Vec<f64> =
             (0..12_000).map(|i| if (i / 100) % 2 == 0 { 30.0 } else { 60.0 } + 0.05 * gauss.next()).collect();
-        let noise = noise(&[], &whole);
+        let noise = noise(&[], &whole, 1e-3);
         assert!((noise.white_sd_m / 0.05 - 1.0).abs() < 0.1, "{noise:?}");
     }
 
@@ -298,13 +320,9 @@ mod tests {
             lead.push(slow + 0.3 * white);
             ripple.push(3.0 * (f64::from(i) * 0.06).sin() + white);
         }
-        assert!(noise(&lead, &lead).line.is_none() && noise(&lead, &lead).coloured);
-        let line = noise(&ripple, &ripple).line.unwrap();
-        assert!((line.cycles_per_sample * std::f64::consts::TAU - 0.06).abs() < 1e-4, "{line:?}");
+        assert!(noise(&lead, &lead, 1e-3).line.is_none() && noise(&lead, &lead, 1e-3).coloured);
+        let line = noise(&ripple, &ripple, 1e-3).line.unwrap();
+        assert!((line.hz * 1e-3 * std::f64::consts::TAU - 0.06).abs() < 1e-4, "{line:?}");
         assert!((line.amplitude_m - 3.0).abs() < 0.05, "{line:?}");
-        // 50 Hz at 1 kHz, and 150 Hz at 200 Hz, which is seen at 50 Hz; a pump's 48.7 Hz is none
-        let of = |cycles_per_sample: f64| Line { cycles_per_sample, amplitude_m: 1.0 };
-        assert!(of(0.0501).is_mains(1e-3) && of(0.25).is_mains(5e-3));
-        assert!(!of(0.0487).is_mains(1e-3) && !of(0.02).is_mains(1e-3));
     }
 }

@@ -59,7 +59,7 @@ impl Station {
         let (factor, coarse, front) =
             if fitting == seen.0 { seen } else { Some(found(fitting)).filter(|f| f.2.is_ok()).unwrap_or(seen) };
         let lead = front.as_ref().map_or(0..0, |f| f.quiet.start * factor..(f.quiet.end * factor).min(trace.len()));
-        let noise = noise(&trace.head_m[lead.clone()], &trace.head_m);
+        let noise = noise(&trace.head_m[lead.clone()], &trace.head_m, trace.step_s);
         let coarse_sd_m = noise.white_sd_m / (factor as f64).sqrt();
         Station { sensor, place_m, trace, coarse, front, repeats, noise, coarse_sd_m, lead }
     }

@@ -66,9 +66,9 @@ fn sensor(recording: &Recording, s: &SensorFeatures) -> Value {
             "effective_fraction": s.noise.effective_fraction,
             "quantum_m": s.noise.quantum_m,
             "interpolated_share": s.noise.corners.map(|corners| 1.0 - corners.share),
-            "line": s.noise.line.map(|line| json!({
-                "frequency_hz": line.cycles_per_sample / s.interval_s, "amplitude_m": line.amplitude_m,
-            })),
+            "hum": s.noise.hum,
+            "without_hum": { "white_sd_m": s.noise.without_hum_m[0], "total_sd_m": s.noise.without_hum_m[1] },
+            "line": s.noise.line,
         },
         "steady_before_m": estimate(s.steady_before_m),
         "steady_after_m": s.steady_after_m.map(estimate),

@@ -85,6 +85,7 @@ pub(crate) fn creeping_in(of: Noise, rig: &Rig, file: &str, velocity: f64, closi
         time_s: time_s.clone(),
         noise_m: of.white_m,
         total_noise_m: total_m,
+        hum: Vec::new(),
         oscillation_m: 0.0,
         offset_sd_m: 0.1,
         saturated: 0,

@@ -34,17 +34,18 @@ pub fn prepare(file: &str, rig: &Rig, recording: &Recording, features: &Features
         let offset_sd_m =
             full_scale_error_m(&sensor, density).unwrap_or(DEFAULT_OFFSET_SHARE * rise_m).max(seen.noise.white_sd_m);
         // A noiseless record still has errors of its own; without a floor its weights would be infinite.
-        let noise_m = seen.noise.white_sd_m.max(1e-5 * rise_m);
-        // What oscillates in the pipe is no noise; what the mains induce is.
-        let in_pipe = seen.noise.line.filter(|line| !line.is_mains(seen.interval_s));
-        let total_noise_m = if in_pipe.is_some() { noise_m } else { seen.noise.total_sd_m.max(noise_m) };
-        let oscillation_m = in_pipe.map_or(0.0, |line| line.amplitude_m * std::f64::consts::FRAC_1_SQRT_2);
+        let [white_sd_m, total_sd_m] = seen.noise.without_hum_m;
+        let noise_m = white_sd_m.max(1e-5 * rise_m);
+        // What oscillates in the pipe is no noise.
+        let total_noise_m = if seen.noise.line.is_some() { noise_m } else { total_sd_m.max(noise_m) };
+        let oscillation_m = seen.noise.line.map_or(0.0, |line| line.amplitude_m * std::f64::consts::FRAC_1_SQRT_2);
         sensors.push(SensorData {
             sensor,
             time_s,
             head_m,
             noise_m,
             total_noise_m,
+            hum: seen.noise.hum.clone(),
             oscillation_m,
             offset_sd_m,
             saturated,

@@ -3,6 +3,7 @@
 use crate::fit::data::thresholds::DEFAULT_ACCURACY_PERCENT;
 use crate::model::Conditions;
 use crate::rig::{Place, Sensor};
+use crate::signal::Tone;
 
 /// One pressure sensor's samples.
 #[derive(Debug, Clone)]
@@ -13,11 +14,13 @@ pub struct SensorData {
     pub time_s: Vec<f64>,
     /// Measured heads, m.
     pub head_m: Vec<f64>,
-    /// Standard deviation of the noise, m; more than zero.
+    /// Standard deviation of the noise, m; more than zero. Hum is none.
     pub noise_m: f64,
     /// Standard deviation of all disturbances while the flow is steady, slow ones included but no lasting
     /// oscillation, m; not below the noise.
     pub total_noise_m: f64,
+    /// Tones of the mains that its wiring picks up.
+    pub hum: Vec<Tone>,
     /// Root mean square of a lasting oscillation in the pipe before the closure, as of a pump, m: no model of a closure follows it.
     pub oscillation_m: f64,
     /// Standard deviation of its zero error, m.

@@ -76,7 +76,7 @@ pub struct SensorFit {
     pub position_m: f64,
     /// Sample times after the start of the closure, s (all ≥ 0).
     pub time_s: Vec<f64>,
-    /// Measured head, m.
+    /// Measured head, m, without hum.
     pub measured_m: Vec<f64>,
     /// Fitted head, m.
     pub model_m: Vec<f64>,

@@ -347,9 +347,9 @@ impl<'a> FitProblem<'a> {
             out.resize(first + time_s.len(), 0.0);
             trace.read(closure_start, time_s, &mut out[first..]);
             out[first..].iter_mut().zip(head_m).for_each(|(of, head)| *of = weight * (head - offset - *of));
-            if let Some(bins) = self.rows.bins_at(r, s) {
-                let residuals = out.split_off(first);
-                out.extend(bins.of_residuals(&residuals));
+            if self.rows.are_mapped(r, s) {
+                let left = out.split_off(first);
+                out.extend(self.rows.seen(r, s, left));
             }
         }
         Ok(())

@@ -6,6 +6,7 @@ pub mod error;
 pub(crate) mod feature;
 pub mod fit_problem;
 pub(crate) mod groups;
+pub mod hum;
 pub(crate) mod latest;
 pub mod method;
 pub mod objective;

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use crate::fit::data::run_data::RunData;
+use crate::fit::problem::hum::Hum;
 use crate::fit::problem::objective::Bins;
 use crate::fit::problem::thresholds::MIN_NOISE_SAMPLES;
 
@@ -23,6 +24,8 @@ pub struct SampleRows<'a> {
     samples: Vec<Vec<[Cow<'a, [f64]>; 2]>>,
     /// The bins of each run and sensor whose frequencies are compared and whose record is long enough.
     bins: Vec<Vec<Option<Bins>>>,
+    /// The hum of each run and sensor whose samples are compared.
+    hum: Vec<Vec<Option<Hum>>>,
 }
 
 impl<'a> SampleRows<'a> {
@@ -41,8 +44,14 @@ impl<'a> SampleRows<'a> {
             let of = run.sensors.iter().zip(spans);
             of.map(|(s, &span)| [entering(&s.time_s, span), entering(&s.head_m, span)]).collect()
         };
-        let samples = runs.iter().zip(&spans).map(of_run).collect();
-        SampleRows { runs, stride, spans, samples, bins }
+        let samples: Vec<Vec<[Cow<'a, [f64]>; 2]>> = runs.iter().zip(&spans).map(of_run).collect();
+        let is_binned = |r: usize, s: usize| bins.get(r).and_then(|row| row.get(s)).is_some_and(Option::is_some);
+        let of_sensor = |r: usize, s: usize| {
+            (!is_binned(r, s)).then(|| Hum::of(&runs[r].sensors[s], &samples.get(r)?[s][0])).flatten()
+        };
+        let of_run = |(r, run): (usize, &RunData)| (0..run.sensors.len()).map(|s| of_sensor(r, s)).collect();
+        let hum = runs.iter().enumerate().map(of_run).collect();
+        SampleRows { runs, stride, spans, samples, bins, hum }
     }
 
     /// The first run and sensor whose frequencies should be compared and cannot be.
@@ -74,10 +83,23 @@ impl<'a> SampleRows<'a> {
 
     /// What an offset of 1 m takes from each residual of a run's sensor, times the noise: 1 for a sample, its leakage for a frequency.
     pub(crate) fn unit_offset(&self, r: usize, sensor: usize) -> Vec<f64> {
-        let constant = vec![1.0; self.taken(self.spans[r][sensor])];
-        match self.bins_at(r, sensor) {
-            Some(bins) => bins.of_residuals(&constant),
-            None => constant,
+        self.seen(r, sensor, vec![1.0; self.taken(self.spans[r][sensor])])
+    }
+
+    /// Whether the residuals of a run's sensor are other than what its samples leave.
+    pub(crate) fn are_mapped(&self, r: usize, sensor: usize) -> bool {
+        self.bins_at(r, sensor).is_some() || self.hum[r][sensor].is_some()
+    }
+
+    /// The residuals of a run's sensor, of what its samples leave over their noise: these, less their hum, or their frequencies.
+    pub(crate) fn seen(&self, r: usize, sensor: usize, mut left: Vec<f64>) -> Vec<f64> {
+        match (self.bins_at(r, sensor), &self.hum[r][sensor]) {
+            (Some(bins), _) => bins.of_residuals(&left),
+            (None, Some(hum)) => {
+                hum.whiten(&mut left);
+                left
+            }
+            (None, None) => left,
         }
     }
 
@@ -167,7 +189,9 @@ impl<'a> SampleRows<'a> {
             let (sensor, (first, _)) = (&self.runs[r].sensors[s], self.spans[r][s]);
             let head_m: Vec<f64> = sensor.head_m[..first].iter().step_by(self.stride).copied().collect();
             let mean = head_m.iter().sum::<f64>() / head_m.len().max(1) as f64;
-            let noise = head_m.iter().map(|h| (h - mean) / sensor.noise_m).collect();
+            let mut noise: Vec<f64> = head_m.iter().map(|h| (h - mean) / sensor.noise_m).collect();
+            let time_s: Vec<f64> = sensor.time_s[..first].iter().step_by(self.stride).copied().collect();
+            Hum::of(sensor, &time_s).inspect(|hum| hum.whiten(&mut noise));
             (head_m.len() >= MIN_NOISE_SAMPLES).then_some(noise)
         };
         self.sampled_together().into_iter().map(|group| group.into_iter().map(before).collect()).collect()
@@ -179,8 +203,7 @@ impl<'a> SampleRows<'a> {
         for (r, s, range) in self.records() {
             let sensor = &self.runs[r].sensors[s];
             let weight = sensor.gain_sd() / sensor.noise_m;
-            let moved: Vec<f64> = self.samples_of(r, s)[1].iter().map(|head| head * weight).collect();
-            let moved = self.bins_at(r, s).map_or_else(|| moved.clone(), |bins| bins.of_residuals(&moved));
+            let moved = self.seen(r, s, self.samples_of(r, s)[1].iter().map(|head| head * weight).collect());
             by_sensor.entry(&sensor.sensor.name).or_default().push((range.start, moved));
         }
         by_sensor

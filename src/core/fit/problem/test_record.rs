@@ -80,6 +80,7 @@ pub(crate) fn record(
             head_m,
             noise_m,
             total_noise_m: noise_m,
+            hum: Vec::new(),
             oscillation_m: 0.0,
             offset_sd_m: 0.2,
             saturated: 0,

@@ -19,6 +19,7 @@ use crate::fit::problem::compare::{Pair, mape_percent, rmse};
 use crate::fit::problem::elements::fixed_variables;
 use crate::fit::problem::error::FitError;
 use crate::fit::problem::fit_problem::{FitProblem, Modelled, Window};
+use crate::fit::problem::hum::without_hum;
 use crate::fit::problem::objective::Objective;
 use crate::fit::problem::rows::CommonError;
 use crate::fit::search::calibrator::Calibrator;
@@ -243,8 +244,13 @@ fn run_fit(
         let offset = problem.offset_m(r, s, values);
         let from = sensor.time_s.partition_point(|&t| t < start);
         let time_s: Vec<f64> = sensor.time_s[from..].iter().map(|t| t - start).collect();
-        let measured_m = sensor.head_m[from..].to_vec();
+        let mut measured_m = sensor.head_m[from..].to_vec();
         let model_m: Vec<f64> = time_s.iter().map(|&t| offset + traces[s].at(t)).collect();
+        if !sensor.hum.is_empty() {
+            let left = measured_m.iter().zip(&model_m).map(|(measured, model)| measured - model).collect();
+            let left = without_hum(sensor, &time_s, left);
+            measured_m = left.iter().zip(&model_m).map(|(left, model)| left + model).collect();
+        }
         let before: Vec<f64> = time_s.iter().map(|&t| first_traces[s].at(t + start - first_start)).collect();
         let found: Vec<_> = run.extrema[s].iter().map(|&(t, cycle, peak)| (t - start, cycle, peak)).collect();
         let pair =

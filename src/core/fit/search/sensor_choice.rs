@@ -129,6 +129,7 @@ mod tests {
                     time_s: time_s.clone(),
                     noise_m: 0.05,
                     total_noise_m: 0.05,
+                    hum: Vec::new(),
                     oscillation_m: 0.0,
                     offset_sd_m: 0.3,
                     saturated: 0,

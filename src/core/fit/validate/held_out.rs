@@ -4,6 +4,7 @@ use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
 use crate::fit::problem::error::FitError;
 use crate::fit::problem::fit_problem::{FitProblem, Window};
+use crate::fit::problem::hum::without_hum;
 use crate::fit::search::calibrate::refine;
 use crate::fit::search::options::Options;
 use crate::fit::validate::thresholds::FITTED_SHARE;
@@ -60,10 +61,10 @@ pub fn errors(problem: &FitProblem, r: usize, values: &[f64], after_s: f64) -> R
     let tally = sensors.map(|(s, (sensor, trace))| {
         let from = sensor.time_s.partition_point(|&t| t <= after_s.max(start));
         let offset = problem.offset_m(r, s, values);
+        let time_s = &sensor.time_s[from..];
+        let left = time_s.iter().zip(&sensor.head_m[from..]).map(|(&t, &head)| head - offset - trace.at(t - start));
         let mut tally = Tally::default();
-        for (&t, &head) in sensor.time_s[from..].iter().zip(&sensor.head_m[from..]) {
-            tally.add(head - offset - trace.at(t - start));
-        }
+        without_hum(sensor, time_s, left.collect()).into_iter().for_each(|error| tally.add(error));
         tally
     });
     Ok(tally.collect())

@@ -48,6 +48,7 @@ fn run(rig: &Rig, file: &str) -> RunData {
             time_s: time_s.clone(),
             noise_m: 0.05,
             total_noise_m: 0.05,
+            hum: Vec::new(),
             oscillation_m: 0.0,
             offset_sd_m: 0.2,
             saturated: 0,

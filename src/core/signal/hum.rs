@@ -1,0 +1,150 @@
+//! Hum: tones of the mains and of their harmonics, which a sensor's wiring picks up. They stand in its record before the closure as after it.
+
+use std::f64::consts::TAU;
+
+use crate::robust::NOT_BY_CHANCE;
+use crate::signal::noise::Tone;
+use crate::signal::spectrum::Spectrum;
+
+/// Frequencies of the mains, Hz.
+const MAINS_HZ: [f64; 2] = [50.0, 60.0];
+/// Their harmonics that wiring picks up. Rectifiers and lamps make the first few.
+const HARMONICS: usize = 6;
+/// The mains keep their frequency within this, Hz (EN 50160: 0.5 Hz in 99.5% of a year); a motor on the mains turns more slowly, by its slip.
+const WITHIN_HZ: f64 = 0.5;
+/// So far around the mains' band, in units of the resolution 1/T of a record of length T, the noise is read, and so near to a tone it is not.
+const AROUND: f64 = 24.0;
+const NEAR: f64 = 3.0;
+/// Tones in and near one band.
+const MOST: usize = 8;
+
+/// The hum in samples of an even record that is otherwise steady, `interval_s` apart, the strongest tone first; takes it out of them.
+///
+/// A tone is one whose power is beyond what chance makes of the noise around it. It is hum where it lies within the mains' band.
+pub(crate) fn take_hum(samples: &mut [f64], interval_s: f64) -> Vec<Tone> {
+    let number: Vec<f64> = (0..samples.len()).map(|i| i as f64).collect();
+    let mut found: Vec<Tone> = Vec::new();
+    // other tones leak into the band: they are taken out of a copy
+    let mut left = samples.to_vec();
+    let mut spectrum = Spectrum::of(&number, &left);
+    for mains_hz in MAINS_HZ {
+        for k in 1..=HARMONICS {
+            let cycles = mains_hz * k as f64 * interval_s;
+            // beyond half the rate a tone is seen at its alias
+            let alias = (cycles - cycles.round()).abs();
+            let half = WITHIN_HZ * k as f64 * interval_s;
+            for _ in 0..MOST {
+                let at = spectrum
+                    .as_ref()
+                    .and_then(|spectrum| strongest(spectrum, samples.len(), [alias - half, alias + half]));
+                let Some(tone) = at.map(|at| sine(&left, at)) else { break };
+                tone.take(&mut left);
+                spectrum = Spectrum::of(&number, &left);
+                if (tone.cycles_per_sample - alias).abs() <= half {
+                    tone.take(samples);
+                    found.push(Tone { hz: tone.cycles_per_sample / interval_s, amplitude_m: tone.amplitude() });
+                }
+            }
+        }
+    }
+    found.sort_by(|a, b| b.amplitude_m.total_cmp(&a.amplitude_m));
+    found
+}
+
+/// The frequency of the strongest tone in and around a band, in cycles a sample, where chance makes none of its power. The power of noise at one
+/// frequency over the mean of that at `m` others is distributed as F(2, 2m): it exceeds `x` with probability `(1 + x/m)^-m`.
+fn strongest(spectrum: &Spectrum, samples: usize, [from, to]: [f64; 2]) -> Option<f64> {
+    let resolution = 1.0 / samples as f64;
+    let (from, to) = ((from - AROUND * resolution).max(resolution), (to + AROUND * resolution).min(0.5));
+    let at = spectrum.peak_hz(from, to)?;
+    let power = |a: f64| a * a;
+    let inside = spectrum.points(to).filter(|(f, _)| *f >= from);
+    let around: Vec<f64> = inside.filter(|(f, _)| (f - at).abs() > NEAR * resolution).map(|(_, a)| power(a)).collect();
+    let others = around.len() as f64 * spectrum.step_hz / resolution;
+    let mean = around.iter().sum::<f64>() / around.len().max(1) as f64;
+    let peak = spectrum.amplitude.get((at / spectrum.step_hz).round() as usize).copied().map(power)?;
+    (peak > mean * others * (NOT_BY_CHANCE / others).exp_m1()).then_some(at)
+}
+
+/// The sine of a frequency that fits best.
+struct Sine {
+    cycles_per_sample: f64,
+    cosine: f64,
+    sine: f64,
+}
+
+fn sine(samples: &[f64], cycles_per_sample: f64) -> Sine {
+    let [mut cc, mut cs, mut ss, mut cy, mut sy] = [0.0; 5];
+    for (i, y) in samples.iter().enumerate() {
+        let (s, c) = (TAU * cycles_per_sample * i as f64).sin_cos();
+        cc += c * c;
+        cs += c * s;
+        ss += s * s;
+        cy += c * y;
+        sy += s * y;
+    }
+    let determinant = cc * ss - cs * cs;
+    let (cosine, sine) = match determinant > 1e-6 * cc * cc {
+        true => ((cy * ss - sy * cs) / determinant, (sy * cc - cy * cs) / determinant),
+        // at half the rate there is a cosine alone
+        false => (cy / cc.max(f64::MIN_POSITIVE), 0.0),
+    };
+    Sine { cycles_per_sample, cosine, sine }
+}
+
+impl Sine {
+    fn amplitude(&self) -> f64 {
+        self.cosine.hypot(self.sine)
+    }
+
+    fn take(&self, samples: &mut [f64]) {
+        for (i, y) in samples.iter_mut().enumerate() {
+            let (s, c) = (TAU * self.cycles_per_sample * i as f64).sin_cos();
+            *y -= self.cosine * c + self.sine * s;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::signal::testing::Gauss;
+
+    fn record(seed: u64, tones: &[(f64, f64)]) -> Vec<f64> {
+        let mut dice = Gauss::new(seed);
+        let at = |i: usize| tones.iter().map(|(hz, m)| m * (TAU * hz * i as f64 * 1e-3 + 1.0).sin()).sum::<f64>();
+        (0..1500).map(|i| at(i) + 0.1 * dice.next()).collect()
+    }
+
+    fn spread(samples: &[f64]) -> f64 {
+        (samples.iter().map(|v| v * v).sum::<f64>() / samples.len() as f64).sqrt()
+    }
+
+    /// Two tones come out with frequency and amplitude, and the noise is left.
+    #[test]
+    fn the_mains_and_a_harmonic_are_found_and_taken_out() {
+        let mut samples = record(1, &[(49.93, 0.6), (149.8, 0.2)]);
+        let found = take_hum(&mut samples, 1e-3);
+        let [first, second] = found[..] else { panic!("{found:?}") };
+        // Rife & Boorstyn 1974: the least standard deviation is (σ/A) sqrt(24/N³)/2π cycles a sample, 0.0022 Hz and 0.0067 Hz
+        assert!((first.hz - 49.93).abs() < 0.01 && (first.amplitude_m - 0.6).abs() < 0.02, "{first:?}");
+        assert!((second.hz - 149.8).abs() < 0.03 && (second.amplitude_m - 0.2).abs() < 0.02, "{second:?}");
+        assert!((spread(&samples) / 0.1 - 1.0).abs() < 0.05, "{}", spread(&samples));
+    }
+
+    /// Neither noise, white or coloured, nor a motor's tone, which is slower by its slip, is hum.
+    #[test]
+    fn nothing_else_is_hum() {
+        for seed in 2..60 {
+            assert_eq!(take_hum(&mut record(seed, &[]), 1e-3), []);
+            let mut slow = 0.0;
+            let mut coloured: Vec<f64> = record(seed, &[]);
+            coloured.iter_mut().for_each(|v| {
+                slow = 0.9 * slow + *v;
+                *v = slow;
+            });
+            assert_eq!(take_hum(&mut coloured, 1e-3), []);
+        }
+        assert_eq!(take_hum(&mut record(2, &[(48.3, 0.6), (3.1, 2.0)]), 1e-3), []);
+    }
+}
