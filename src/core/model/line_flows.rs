@@ -34,34 +34,36 @@ impl<'a> System<'a> {
         let count = graph.nodes.len();
         let mut begins = vec![false; count];
         graph.lines.iter().for_each(|line| begins[line.from] = true);
-        let (mut held_m, mut drawn_m3_s) = (vec![None; count], vec![0.0; count]);
+        let mut held_m = vec![None; count];
+        let mut drawn_m3_s: Vec<f64> = graph.nodes.iter().map(|node| node.kind.demand_m3_s()).collect();
         let (mut behind, mut passed) = (vec![None; count], Vec::new());
         for (n, node) in graph.nodes.iter().enumerate() {
-            if node.kind.is_passed() && (begins[n] || matches!(node.kind, NodeKind::Opening(_))) {
+            if node.kind.opening().is_some() || (node.kind.is_passed() && begins[n]) {
                 behind[n] = Some(held_m.len());
                 held_m.push(None);
                 drawn_m3_s.push(0.0);
             }
             match &node.kind {
-                NodeKind::Junction { demand_m3_s } => drawn_m3_s[n] = *demand_m3_s,
                 NodeKind::Reservoir { head_m } => held_m[n] = Some(head_m.unwrap_or(0.0)),
                 NodeKind::Tank { head_m, .. } => held_m[n] = Some(*head_m),
                 NodeKind::Valve => {
                     drawn_m3_s[n] = valve_m3_s;
                     behind[n].iter().for_each(|&b| drawn_m3_s[b] = -valve_m3_s);
                 }
-                NodeKind::Opening(opening) => {
-                    behind[n].iter().for_each(|&b| held_m[b] = opening.discharge_head_m);
-                    passed.extend((at_time(&opening.opening, 0.0) > 0.0).then_some(n));
-                }
+                NodeKind::Junction { .. } | NodeKind::Opening(_) => {}
                 NodeKind::CheckValve => passed.push(n),
                 NodeKind::Pump(pump) => {
                     held_m[n] = pump.suction_head_m;
                     passed.push(n);
                 }
             }
+            if let Some(opening) = node.kind.opening() {
+                behind[n].iter().for_each(|&b| held_m[b] = opening.discharge_head_m);
+                passed.extend((at_time(&opening.opening, 0.0) > 0.0).then_some(n));
+            }
         }
-        let line = |line: &crate::rig::Line| (behind[line.from].unwrap_or(line.from), line.to);
+        let start = |n: usize| behind[n].filter(|_| graph.nodes[n].kind.is_passed()).unwrap_or(n);
+        let line = |line: &crate::rig::Line| (start(line.from), line.to);
         let mut links: Vec<(usize, usize)> = graph.lines.iter().map(line).collect();
         links.extend(passed.iter().filter_map(|&n| Some((n, behind[n]?))));
         let mut near_m2 = vec![0.0; count];

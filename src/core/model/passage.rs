@@ -19,7 +19,7 @@ const LEAST_SPEED: f64 = 1e-3;
 pub enum Passage {
     /// The valve that closes.
     Valve(ValveEnd),
-    /// Another valve, and the head behind it where no line follows, m.
+    /// Another valve or opening, and the head behind it where no line follows, m.
     Opening(Opening, f64),
     /// Water passes one way.
     Check,
@@ -72,11 +72,11 @@ fn root_c(valve: &Opening, opening: f64) -> f64 {
 
 /// Head that a node takes of a steady flow that passes it, m, and its slope.
 pub(crate) fn steady_loss(kind: &NodeKind, flow_m3_s: f64) -> (f64, f64) {
+    if let Some(valve) = kind.opening() {
+        let k = root_c(valve, at_time(&valve.opening, 0.0)).powi(-2);
+        return (k * flow_m3_s * flow_m3_s.abs(), 2.0 * k * flow_m3_s.abs());
+    }
     match kind {
-        NodeKind::Opening(valve) => {
-            let k = root_c(valve, at_time(&valve.opening, 0.0)).powi(-2);
-            (k * flow_m3_s * flow_m3_s.abs(), 2.0 * k * flow_m3_s.abs())
-        }
         _ if flow_m3_s < 0.0 => {
             let shut_m = if let NodeKind::Pump(pump) = kind { -gain(&pump.curve, speed(pump), 0.0).0 } else { 0.0 };
             (shut_m + BARRIER * flow_m3_s, BARRIER)

@@ -134,6 +134,8 @@ impl Model<'_> {
         let frictions = reach_frictions(&grid, resolution.reaches, &line_m3_s, flow_m3_s)?;
         let before = Given { grid: &grid, system: &system, frictions: &frictions, valve_head_m: run.valve_head_m };
         let Found { head_m, flow_m3_s: flows, at_m, link_m3_s } = before.settle(&mut nodes, &mut spread)?;
+        let at_graph = nodes[grid.segments.len()..].iter_mut().zip(&graph.nodes);
+        at_graph.for_each(|(node, of)| node.taken_m3_s = of.kind.demand_m3_s());
         let starts = grid.segments.iter().map(|s| Place { line: s.line, position_m: s.start_m }).collect();
         let steady = Steady {
             grid: &grid,

@@ -46,10 +46,12 @@ pub struct Node {
 /// What is at a node.
 #[derive(Debug, Clone, PartialEq)]
 pub enum NodeKind {
-    /// Pipes meet, or one ends; a constant flow may be drawn off.
+    /// Pipes meet, or one ends; a constant flow may be drawn off, and water may leave by an opening: a leak, a burst, a demand that follows the pressure.
     Junction {
         /// Flow drawn off, m³/s.
         demand_m3_s: f64,
+        /// An opening to the outside.
+        outlet: Option<Opening>,
     },
     /// What feeds the pipes, at a constant head unless an effect says otherwise.
     Reservoir {
@@ -166,6 +168,20 @@ impl NodeKind {
     /// Whether water passes it in one direction from the lines that end there to those that begin there, which then have heads of their own.
     pub fn is_passed(&self) -> bool {
         matches!(self, NodeKind::Valve | NodeKind::Opening(_) | NodeKind::CheckValve | NodeKind::Pump(_))
+    }
+
+    /// The opening by which water leaves or passes it, apart from the valve that closes.
+    pub fn opening(&self) -> Option<&Opening> {
+        match self {
+            NodeKind::Opening(opening) => Some(opening),
+            NodeKind::Junction { outlet, .. } => outlet.as_ref(),
+            _ => None,
+        }
+    }
+
+    /// Constant flow drawn off there, m³/s.
+    pub fn demand_m3_s(&self) -> f64 {
+        if let NodeKind::Junction { demand_m3_s, .. } = self { *demand_m3_s } else { 0.0 }
     }
 
     /// Whether it holds a head that an effect may change in time.
