@@ -89,7 +89,10 @@ impl Network {
             return Ok(flows);
         }
         let mut q: Vec<f64> = core.iter().map(|&k| by.usual_m3_s[k]).collect();
-        let least: Vec<f64> = core.iter().zip(&q).map(|(&k, &q)| LEAST_SLOPE * loss(k, q).1.abs()).collect();
+        let slopes: Vec<f64> = core.iter().zip(&q).map(|(&k, &q)| loss(k, q).1.abs()).collect();
+        // Links without friction share a flow as others of little friction do.
+        let little = slopes.iter().copied().filter(|s| *s > 0.0).fold(f64::INFINITY, f64::min).min(f64::MAX);
+        let least: Vec<f64> = slopes.iter().map(|&s| LEAST_SLOPE * if s > 0.0 { s } else { little }).collect();
         let (mut best, mut since) = (f64::INFINITY, 0);
         // Heads are counted from one that is held, and corrected: what is solved for fades, and the rounding of it.
         let datum_m = core.iter().find_map(|&k| held_m[links[k].0].or(held_m[links[k].1])).unwrap_or(0.0);

@@ -97,7 +97,7 @@ pub struct Pump {
     pub drive: Drive,
 }
 
-/// Head of a pump at its speed before the closure: `H = shutoff - fall · Q^power`.
+/// Head of a pump at its speed before the closure: `H = shutoff - fall · Q^power`, not below the least.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PumpCurve {
     /// Head without flow, m.
@@ -106,6 +106,8 @@ pub struct PumpCurve {
     pub fall: f64,
     /// Power of the flow.
     pub power: f64,
+    /// Least head, m: 0 where a bypass with a check valve lets water past, else -∞.
+    pub least_m: f64,
 }
 
 /// What drives a pump.
@@ -129,11 +131,12 @@ pub enum Drive {
 impl PumpCurve {
     /// Through one point `(m³/s, m)`, with the shutoff head and the greatest flow that EPANET gives it, or through three, the first without flow.
     pub fn through(points: &[(f64, f64)]) -> Option<PumpCurve> {
+        let least_m = f64::NEG_INFINITY;
         let curve = match *points {
-            [(q, h)] => PumpCurve { shutoff_m: 4.0 / 3.0 * h, fall: h / 3.0 / (q * q), power: 2.0 },
+            [(q, h)] => PumpCurve { shutoff_m: 4.0 / 3.0 * h, fall: h / 3.0 / (q * q), power: 2.0, least_m },
             [(0.0, h0), (q1, h1), (q2, h2)] if h0 > h1 && h1 > h2 && q2 > q1 => {
                 let power = ((h0 - h2) / (h0 - h1)).ln() / (q2 / q1).ln();
-                PumpCurve { shutoff_m: h0, fall: (h0 - h1) / q1.powf(power), power }
+                PumpCurve { shutoff_m: h0, fall: (h0 - h1) / q1.powf(power), power, least_m }
             }
             _ => return None,
         };

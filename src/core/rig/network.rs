@@ -28,6 +28,7 @@ pub(crate) const KEYS: &[&str] = &[
     "inertia_kg_m2",
     "speed_rpm",
     "efficiency_percent",
+    "bypass",
 ];
 
 const EFFICIENCY: Limits = Limits { holds: |v| v > 0.0 && v <= 100.0, words: "a percentage above 0, at most 100" };
@@ -43,7 +44,16 @@ const KINDS: [(&str, &[&str]); 7] = [
     ("check-valve", &[]),
     (
         "pump",
-        &["curve_m3_h_m", "suction_head_m", "speed", "trip_s", "inertia_kg_m2", "speed_rpm", "efficiency_percent"],
+        &[
+            "curve_m3_h_m",
+            "suction_head_m",
+            "speed",
+            "trip_s",
+            "inertia_kg_m2",
+            "speed_rpm",
+            "efficiency_percent",
+            "bypass",
+        ],
     ),
 ];
 const OF_ALL: [&str; 4] = ["name", "kind", "elevation_m", "at"];
@@ -283,6 +293,8 @@ fn read_pump(section: &Section<'_>) -> Option<Pump> {
     if let (None, Some(place)) = (curve, section.place_of("curve_m3_h_m")) {
         section.fault_at(&place, format!("'curve_m3_h_m' must be {CURVE}"));
     }
+    let bypass = section.choice("bypass", &[("check-valve", 0.0)]);
+    let least_m = bypass.map_or(f64::NEG_INFINITY, |least| least.value);
     let speed = over_time(section, "speed", &NOT_NEGATIVE);
     let drive = match (section.number("trip_s", &NOT_NEGATIVE), speed) {
         (Some(_), Some(_)) => {
@@ -298,7 +310,11 @@ fn read_pump(section: &Section<'_>) -> Option<Pump> {
             Drive::Trip { at_s, inertia_kg_m2: inertia_kg_m2?, speed_rad_s, efficiency: efficiency? / 100.0 }
         }
     };
-    Some(Pump { curve: curve?, suction_head_m: section.number("suction_head_m", &FINITE), drive })
+    Some(Pump {
+        curve: PumpCurve { least_m, ..curve? },
+        suction_head_m: section.number("suction_head_m", &FINITE),
+        drive,
+    })
 }
 
 /// A number, or a list of times and numbers.
