@@ -76,32 +76,32 @@ impl<'a> System<'a> {
         System { graph, network, passed, behind, drawn_m3_s, usual_m3_s }
     }
 
-    /// Flow at the end of each link, from the flow drawn along each line and the head that a line takes.
+    /// Flow at the end of each link, from the flow drawn along each line, flows from which the iteration starts, and the head that a line takes.
     ///
     /// # Errors
     /// [`ModelError::NoSteadyFlow`].
     pub(crate) fn flows(
         &self,
         taken_m3_s: &[f64],
+        start_m3_s: &[f64],
         line_loss: impl Fn(usize, f64) -> (f64, f64),
     ) -> Result<Vec<f64>, ModelError> {
         let lines = self.graph.lines.len();
-        let drawn = Drawn { nodes_m3_s: &self.drawn_m3_s, links_m3_s: taken_m3_s, usual_m3_s: &self.usual_m3_s };
+        let drawn =
+            Drawn { nodes_m3_s: &self.drawn_m3_s, links_m3_s: taken_m3_s, usual_m3_s: &self.usual_m3_s, start_m3_s };
         self.network.flows(&drawn, |k, q| if k < lines { line_loss(k, q) } else { self.loss(k, q) })
     }
 
-    /// Flow in every line, m³/s, from the pipes' friction alone, which `scale` multiplies.
+    /// Flow in every link, the lines first, m³/s, from the pipes' friction alone, which `scale` multiplies.
     ///
     /// # Errors
     /// [`ModelError::NoSteadyFlow`].
-    pub(crate) fn line_flows(&self, rig: &Rig, water: &WaterProperties, scale: f64) -> Result<Vec<f64>, ModelError> {
-        let mut flows = self.flows(&vec![0.0; self.network.links.len()], |k, q| {
+    pub(crate) fn link_flows(&self, rig: &Rig, water: &WaterProperties, scale: f64) -> Result<Vec<f64>, ModelError> {
+        self.flows(&vec![0.0; self.network.links.len()], &self.usual_m3_s, |k, q| {
             let loss = |q: f64| rig.pipes_of(k).iter().map(|p| loss_m(p, water, q)).sum::<f64>() * scale;
             let (here, step) = (loss(q), 1e-6 * q.abs().max(1e-6 * self.usual_m3_s[k]));
             (here, (loss(q + step) - here) / step)
-        })?;
-        flows.truncate(self.graph.lines.len());
-        Ok(flows)
+        })
     }
 
     /// Head that a link after the lines takes, m, and its slope.
@@ -115,7 +115,9 @@ impl<'a> System<'a> {
 /// # Errors
 /// [`ModelError::NoSteadyFlow`].
 pub fn line_flows(rig: &Rig, water: &WaterProperties, valve_m3_s: f64, scale: f64) -> Result<Vec<f64>, ModelError> {
-    System::new(rig, valve_m3_s).line_flows(rig, water, scale)
+    let mut flows = System::new(rig, valve_m3_s).link_flows(rig, water, scale)?;
+    flows.truncate(rig.graph.lines.len());
+    Ok(flows)
 }
 
 /// Head that friction takes from the supply to the valve while the valve passes `valve_m3_s`, m.

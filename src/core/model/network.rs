@@ -6,7 +6,7 @@
 //! content (Collins et al. 1978, Manage. Sci. 24(7):747-760), is least among all that meet continuity: a step is as long as this function falls along it.
 
 use crate::model::error::ModelError;
-use crate::model::sparse::Symmetric;
+use crate::model::multigrid::Multigrid;
 
 /// Links between nodes, with the order in which they are solved.
 pub(crate) struct Network {
@@ -24,7 +24,7 @@ pub(crate) struct Network {
     free: Vec<usize>,
     /// The links of the core between two of them, by their index in it.
     inner: Vec<usize>,
-    system: Symmetric,
+    system: Multigrid,
 }
 
 /// What flows.
@@ -35,6 +35,8 @@ pub(crate) struct Drawn<'a> {
     pub links_m3_s: &'a [f64],
     /// A flow of the size that is usual in each link, m³/s.
     pub usual_m3_s: &'a [f64],
+    /// Flows from which the iteration starts, m³/s.
+    pub start_m3_s: &'a [f64],
 }
 
 const MOST_STEPS: usize = 200;
@@ -63,7 +65,7 @@ impl Network {
         let is_inner = |&i: &usize| held_m[links[core[i]].0].is_none() && held_m[links[core[i]].1].is_none();
         let inner: Vec<usize> = (0..core.len()).filter(is_inner).collect();
         let edge = |&i: &usize| (number[links[core[i]].0], number[links[core[i]].1]);
-        let system = Symmetric::new(free.len(), &inner.iter().map(edge).collect::<Vec<_>>());
+        let system = Multigrid::new(free.len(), inner.iter().map(edge).collect());
         Network { links, held_m, tree, core, number, free, inner, system }
     }
 
@@ -88,8 +90,8 @@ impl Network {
         if core.is_empty() {
             return Ok(flows);
         }
-        let mut q: Vec<f64> = core.iter().map(|&k| by.usual_m3_s[k]).collect();
-        let slopes: Vec<f64> = core.iter().zip(&q).map(|(&k, &q)| loss(k, q).1.abs()).collect();
+        let mut q: Vec<f64> = core.iter().map(|&k| by.start_m3_s[k]).collect();
+        let slopes: Vec<f64> = core.iter().map(|&k| loss(k, by.usual_m3_s[k]).1.abs()).collect();
         // Links without friction share a flow as others of little friction do.
         let little = slopes.iter().copied().filter(|s| *s > 0.0).fold(f64::INFINITY, f64::min).min(f64::MAX);
         let least: Vec<f64> = slopes.iter().map(|&s| LEAST_SLOPE * if s > 0.0 { s } else { little }).collect();
@@ -119,8 +121,8 @@ impl Network {
                 lines.push((here, p));
                 largest_m = largest_m.max(drop_m.abs());
             }
-            let off: Vec<f64> = inner.iter().map(|&i| -lines[i].1).collect();
-            system.solve(&diagonal, &off, &mut by_m);
+            let weights: Vec<f64> = inner.iter().map(|&i| lines[i].1).collect();
+            system.solve(&diagonal, &weights, &mut by_m);
             heads.iter_mut().zip(&by_m).for_each(|(head, by)| *head += by);
             // Of each link, how much its flow changes and the head between its ends.
             let mut steps = Vec::with_capacity(core.len());
@@ -213,7 +215,7 @@ mod tests {
         let links = [(0, 1), (0, 1), (1, 2), (3, 1)];
         let network = Network::new(links.to_vec(), vec![Some(50.0), None, None, None]);
         let (nodes_m3_s, links_m3_s) = (&[0.0, 0.1, 0.5, 0.2], &[0.0, 0.0, 0.01, 0.0]);
-        let drawn = Drawn { nodes_m3_s, links_m3_s, usual_m3_s: &[0.3; 4] };
+        let drawn = Drawn { nodes_m3_s, links_m3_s, usual_m3_s: &[0.3; 4], start_m3_s: &[0.3; 4] };
         let r = [1.0, 4.0, 1.0, 1.0];
         let flows = network.flows(&drawn, |k, q| (r[k] * q * q.abs(), 2.0 * r[k] * q.abs())).unwrap();
         assert_eq!(flows[2..], [0.5, -0.2]);
@@ -225,7 +227,8 @@ mod tests {
     fn three_reservoirs_meet_at_the_junction_of_zero_sum() {
         let held = [Some(120.0), Some(100.0), Some(80.0), None];
         let network = Network::new(vec![(0, 3), (1, 3), (2, 3)], held.to_vec());
-        let drawn = Drawn { nodes_m3_s: &[0.0; 4], links_m3_s: &[0.0; 3], usual_m3_s: &[0.1; 3] };
+        let drawn =
+            Drawn { nodes_m3_s: &[0.0; 4], links_m3_s: &[0.0; 3], usual_m3_s: &[0.1; 3], start_m3_s: &[0.1; 3] };
         let r = [160.0, 400.0, 900.0];
         let flows = network.flows(&drawn, |k, q| (r[k] * q * q.abs(), 2.0 * r[k] * q.abs())).unwrap();
         let into = |head: f64| {
@@ -271,7 +274,8 @@ mod tests {
         let drawn = [0.0, 150.0, 150.0, 100.0, 150.0, 200.0, 150.0, 100.0, 100.0, 0.0, 0.0].map(|q: f64| q * GPM);
         let ends: Vec<(usize, usize)> = links.iter().map(|l| (l.0, l.1)).collect();
         let network = Network::new(ends, held.to_vec());
-        let drawn = Drawn { nodes_m3_s: &drawn, links_m3_s: &[0.0; 13], usual_m3_s: &[1.0; 13] };
+        let drawn =
+            Drawn { nodes_m3_s: &drawn, links_m3_s: &[0.0; 13], usual_m3_s: &[1.0; 13], start_m3_s: &[1.0; 13] };
         let flows = network.flows(&drawn, |k, q| {
             let (_, _, length, inches, _) = links[k];
             if length == 0.0 {
