@@ -4,9 +4,13 @@ use std::collections::HashMap;
 use std::fmt;
 use std::str::FromStr;
 
+use crate::units::GRAVITY_M_S2;
+
 /// One m of a foot and one mm of an inch.
 const FOOT_M: f64 = 0.3048;
 const INCH_MM: f64 = 25.4;
+/// psi of a foot of water, as EPANET rounds it.
+const PSI_OF_FOOT: f64 = 0.4333;
 /// Units of flow: their names, m³/s, and whether lengths are in feet and diameters in inches.
 const FLOWS: [(&str, f64, bool); 11] = [
     ("CFS", 0.028_316_846_592, true),
@@ -53,6 +57,8 @@ pub struct Node {
     pub kind: NodeKind,
     /// Its elevation, m.
     pub elevation_m: f64,
+    /// Of an emitter there, area times discharge coefficient, m²; 0 without one.
+    pub emitter_m2: f64,
     /// Where it is drawn.
     pub at: Option<[f64; 2]>,
 }
@@ -73,15 +79,20 @@ pub enum LinkKind {
         /// Whether it has a check valve.
         check: bool,
     },
-    /// Points of a pump's curve, m³/s and m; none where it has only a power.
-    Pump(Vec<(f64, f64)>),
+    /// A pump.
+    Pump {
+        /// Points of its curve, m³/s and m; none where it has only a power.
+        points: Vec<(f64, f64)>,
+        /// Its relative speed.
+        speed: f64,
+    },
     /// A valve.
     Valve {
         /// Its bore, mm.
         diameter_mm: f64,
         /// Its type: `TCV`, `PRV`, …
         kind: String,
-        /// Its setting.
+        /// Its setting; of a throttle valve (TCV) without one its minor loss.
         setting: f64,
     },
 }
@@ -191,27 +202,51 @@ pub fn read(text: &str) -> Result<Network, Fault> {
     };
     let times = option("DEMAND").filter(|row| row.says(1, "MULTIPLIER")).map_or(Ok(1.0), |row| row.number(2, "it"))?;
 
+    // Of a pattern, what it says of time 0.
+    let mut patterns: HashMap<&str, f64> = HashMap::new();
+    for row in rows("PATTERNS") {
+        if !patterns.contains_key(row.words[0]) {
+            patterns.insert(row.words[0], row.number(1, "the multiplier")?);
+        }
+    }
+    let usual = option("PATTERN").map_or(Ok("1"), |row| row.word(1, "the pattern"))?;
+    let pattern = |row: &Row, i: usize, default: &str| match row.words.get(i) {
+        None => Ok(patterns.get(default).copied().unwrap_or(1.0)),
+        Some(name) => patterns.get(name).copied().ok_or_else(|| row.fault(format!("there is no pattern '{name}'"))),
+    };
     let mut demands: HashMap<&str, f64> = HashMap::new();
     for row in rows("DEMANDS") {
-        *demands.entry(row.words[0]).or_default() += row.number(1, "the demand")?;
+        *demands.entry(row.words[0]).or_default() += row.number(1, "the demand")? * pattern(row, 2, usual)?;
+    }
+    let exponent = option("EMITTER").filter(|row| row.says(1, "EXPONENT"));
+    if let Some(row) = exponent
+        && !rows("EMITTERS").is_empty()
+        && row.number(2, "the exponent of emitters")? != 0.5
+    {
+        return Err(row.fault("only emitters of exponent 0.5 are taken, which are openings"));
+    }
+    // Flow at a head of 1 m: coefficients are those at 1 psi, or at 1 m.
+    let head_m = if american { FOOT_M / PSI_OF_FOOT } else { 1.0 };
+    let mut emitters: HashMap<&str, f64> = HashMap::new();
+    for row in rows("EMITTERS") {
+        let flow_m3_s = row.number(1, "the emitter's coefficient")? * flow_m3_s / head_m.sqrt();
+        emitters.insert(row.words[0], flow_m3_s / (2.0 * GRAVITY_M_S2).sqrt());
     }
     let mut nodes: Vec<Node> = Vec::new();
     let mut named: HashMap<&str, usize> = HashMap::new();
-    let mut patterns = rows("DEMANDS").iter().any(|row| row.words.len() > 2);
     for (section, kind) in [("JUNCTIONS", 0), ("RESERVOIRS", 1), ("TANKS", 2)] {
         for row in rows(section) {
             let name = row.words[0];
             let height_m = length * row.or(1, 0.0, "the height")?;
             let kind = match kind {
                 0 => {
-                    patterns |= row.words.len() > 3;
-                    let own = demands.get(name).copied().map_or_else(|| row.or(2, 0.0, "the demand"), Ok)?;
+                    let own = match demands.get(name) {
+                        Some(&demand) => demand,
+                        None => row.or(2, 0.0, "the demand")? * pattern(row, 3, usual)?,
+                    };
                     NodeKind::Junction(own * times * flow_m3_s)
                 }
-                1 => {
-                    patterns |= row.words.len() > 2;
-                    NodeKind::Reservoir(height_m)
-                }
+                1 => NodeKind::Reservoir(height_m * pattern(row, 2, "")?),
                 _ => {
                     let diameter_m = length * row.positive(5, "the tank's diameter")?;
                     let level_m = height_m + length * row.number(2, "the tank's level")?;
@@ -222,7 +257,8 @@ pub fn read(text: &str) -> Result<Network, Fault> {
                 return Err(row.fault(format!("there are two nodes '{name}'")));
             }
             let elevation_m = if matches!(kind, NodeKind::Reservoir(_)) { 0.0 } else { height_m };
-            nodes.push(Node { name: name.to_owned(), kind, elevation_m, at: None });
+            let emitter_m2 = emitters.get(name).copied().unwrap_or_default();
+            nodes.push(Node { name: name.to_owned(), kind, elevation_m, emitter_m2, at: None });
         }
     }
     for row in rows("COORDINATES") {
@@ -276,25 +312,31 @@ pub fn read(text: &str) -> Result<Network, Fault> {
                             own.iter().map(|(q, h)| (q * flow_m3_s, h * length)).collect()
                         }
                     };
-                    LinkKind::Pump(points)
+                    let speed = row.words.iter().position(|w| w.eq_ignore_ascii_case("SPEED"));
+                    let speed = speed.map_or(Ok(1.0), |i| row.number(i + 1, "the pump's speed"))?;
+                    let set = status(name).and_then(|row| f64::from_str(row.words.get(1)?).ok());
+                    LinkKind::Pump { points, speed: set.unwrap_or(speed) }
                 }
                 _ => LinkKind::Valve {
                     diameter_mm: millimetres * row.positive(3, "the valve's diameter")?,
                     kind: row.word(4, "the valve's type")?.to_ascii_uppercase(),
-                    setting: row.or(5, 0.0, "the valve's setting").unwrap_or(0.0),
+                    setting: match row.or(5, 0.0, "the valve's setting").unwrap_or(0.0) {
+                        0.0 => row.or(6, 0.0, "the minor loss")?,
+                        setting => setting,
+                    },
                 },
             };
             links.push(Link { name: name.to_owned(), ends, kind });
         }
     }
-    if patterns {
-        left_out.push("patterns: demands and heads are those without them".to_owned());
+    if !patterns.is_empty() {
+        left_out.push("the course of patterns: demands and heads are those at time 0".to_owned());
     }
-    for (section, words) in [("CONTROLS", "controls"), ("RULES", "rules"), ("EMITTERS", "emitters")] {
+    for (section, words) in [("CONTROLS", "controls"), ("RULES", "rules")] {
         left_out.extend((!rows(section).is_empty()).then(|| words.to_owned()));
     }
     let minor = links.iter().filter(|l| matches!(l.kind, LinkKind::Pipe { minor, .. } if minor > 0.0)).count();
-    left_out.extend((minor > 0).then(|| format!("the minor losses of {minor} pipes")));
+    left_out.extend((minor > 0 && friction == Friction::Darcy).then(|| format!("the minor losses of {minor} pipes")));
     Ok(Network { nodes, links, friction, left_out })
 }
 
@@ -317,10 +359,22 @@ mod tests {
         assert!((level_m - 970.0 * 0.3048).abs() < 1e-9 && (area_m2 - 186.081).abs() < 1e-2, "{area_m2}");
         let LinkKind::Pipe { length_m, diameter_mm, .. } = network.links[0].kind else { panic!() };
         assert!((length_m - 3209.544).abs() < 1e-9 && (diameter_mm - 457.2).abs() < 1e-9);
-        let LinkKind::Pump(points) = &network.links[2].kind else { panic!() };
+        let LinkKind::Pump { points, .. } = &network.links[2].kind else { panic!() };
         assert!((points[0].0 - 0.094635).abs() < 1e-6 && (points[0].1 - 76.2).abs() < 1e-9);
         assert_eq!((network.nodes[0].at, network.nodes[1].at), (Some([20.0, 70.0]), None));
         assert_eq!(network.left_out, ["controls"]);
+    }
+
+    /// 2 US gallons a minute at 1 psi: 2 · 6.309e-5 m³/s at 0.7034 m, of which √(2g h) is 3.714 m/s. A pattern counts with its first number.
+    #[test]
+    fn emitters_are_openings_and_patterns_are_those_of_time_0() {
+        let more = "[EMITTERS]\n 10 2\n[PATTERNS]\n 1 1.5 0.7\n 1 0.2\n h 0.9\n[OPTIONS]";
+        let network = read(&SMALL.replacen("[OPTIONS]", more, 1).replacen(" 9 800", " 9 800 h", 1)).unwrap();
+        assert!((network.nodes[0].emitter_m2 * 1e6 - 33.97).abs() < 0.01, "{}", network.nodes[0].emitter_m2);
+        let NodeKind::Junction(drawn_m3_s) = network.nodes[1].kind else { panic!() };
+        assert!((drawn_m3_s * 1e3 - 1.5 * 9.46353).abs() < 1e-4);
+        let NodeKind::Reservoir(head_m) = network.nodes[2].kind else { panic!() };
+        assert!((head_m - 720.0 * 0.3048).abs() < 1e-9);
     }
 
     #[test]
@@ -333,6 +387,12 @@ mod tests {
             ("HEAD 1", "HEAD 7", "line 13: there is no curve '7'"),
             ("H-W", "X-Y", "line 18: the formula of headloss must be H-W, D-W or C-M"),
             (" 9 800", " 10 800", "line 6: there are two nodes '10'"),
+            (" 10 710 0", " 10 710 0 summer", "line 3: there is no pattern 'summer'"),
+            (
+                "Units GPM",
+                "Emitter Exponent 0.6\n Units GPM\n[EMITTERS]\n 10 3\n[OPTIONS]",
+                "line 17: only emitters of exponent 0.5 are taken, which are openings",
+            ),
         ] {
             assert_eq!(read(&SMALL.replacen(from, to, 1)).unwrap_err().to_string(), says);
         }

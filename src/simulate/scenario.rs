@@ -108,7 +108,8 @@ impl Scenario {
             })
             .collect();
         let reaches = match get("reaches") {
-            None => REACHES,
+            // A network may have pipes that so few would not resolve.
+            None => REACHES.max(model.pipes_travel_s(&shared).least_reaches()),
             Some(n) if n >= 2.0 && n.fract() == 0.0 && n <= 1e7 => n as usize,
             Some(n) => return Err(format!("reaches = {n} must be a whole number from 2 to 10000000").into()),
         };
@@ -119,17 +120,18 @@ impl Scenario {
         let velocity = get("initial_velocity_m_s").or(steady_velocity).unwrap_or(VELOCITY_M_S);
         let friction_scale = get("friction_scale").unwrap_or(1.0);
         let supply_head = steady.and_then(|s| s.supply_head_m).unwrap_or(SUPPLY_HEAD_M);
-        let lost = way_loss_m(&rig, &water, velocity * area)? * friction_scale;
-        let valve_head = match get("valve_head_m") {
-            Some(head) => head,
-            None if valve != ValveForm::Linear || supply_head - lost > rig.valve.discharge_head_m => supply_head - lost,
-            None => {
+        let valve_head = if let Some(head) = get("valve_head_m") {
+            head
+        } else {
+            let lost = way_loss_m(&rig, &water, velocity * area)? * friction_scale;
+            if valve == ValveForm::Linear && supply_head - lost <= rig.valve.discharge_head_m {
                 return Err(format!(
                     "at {velocity:.3} m/s the pipe loses {lost:.1} m of the supply's {supply_head:.1} m before the valve: nothing would flow; set a \
                      smaller initial_velocity_m_s, or valve_head_m"
                 )
                 .into());
             }
+            supply_head - lost
         };
         let run = RunValues {
             initial_velocity_m_s: velocity,

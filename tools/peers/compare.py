@@ -119,12 +119,18 @@ def venv(folder: Path, packages: list[str]) -> Path:
     return python
 
 
-def arguments(doc: str) -> argparse.Namespace:
-    """The program and the folder of the peers, from the command line."""
+def argument_parser(doc: str) -> argparse.ArgumentParser:
+    """Options that name the program and the folder of the peers."""
     parser = argparse.ArgumentParser(description=doc.splitlines()[0])
     root = HERE.parent.parent
     parser.add_argument("--program", type=Path, default=root / "target/release/surgescope")
     parser.add_argument("--venvs", type=Path, default=root / "target/peers", help="where the peers are installed")
+    return parser
+
+
+def arguments(doc: str) -> argparse.Namespace:
+    """The program and the folder of the peers, from the command line."""
+    parser = argument_parser(doc)
     args = parser.parse_args()
     if not args.program.exists():
         parser.error(f"{args.program} is not there: cargo build --release")

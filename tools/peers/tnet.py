@@ -94,7 +94,8 @@ def main() -> int:
     args = arguments(__doc__)
     python = venv(args.venvs / "TSNet", PEERS["TSNet"]["packages"])
     case = {"inp": inp(), "wave_speed_m_s": WAVE_SPEED_M_S, "duration_s": DURATION_S, "dt_s": STEP_S, "nodes": NODES}
-    case["closing_time_s"] = 2 * STEP_S
+    # Closing time, start, relative opening at the end, power of its fall.
+    case |= {"event": ["valve_closure", "VALVE", [2 * STEP_S, "step", 0.0, 1]], "engine": "DD"}
     with tempfile.TemporaryDirectory() as folder:
         command = [python.absolute(), HERE / "tnet_case.py"]
         run = subprocess.run(command, input=json.dumps(case), capture_output=True, text=True, cwd=folder)

@@ -12,8 +12,8 @@ use crate::model::state::State;
 
 /// What is at a node.
 pub enum Law {
-    /// A flow is drawn off, m³/s; nothing, where pipes only meet.
-    Draw(f64),
+    /// Pipes meet; water may leave by an opening.
+    Open(Option<Passage>),
     /// A given head.
     Supply(Box<dyn Supply>),
     /// An open tank: `A dH/dt = Q`, by the trapezoidal rule.
@@ -34,7 +34,8 @@ impl Law {
     #[inline(always)]
     fn at(&mut self, time_s: f64) -> Outlet {
         match self {
-            Law::Draw(flow_m3_s) => Outlet::Flow(*flow_m3_s),
+            Law::Open(None) => Outlet::Flow(0.0),
+            Law::Open(Some(opening)) => opening.at(time_s),
             Law::Supply(supply) => Outlet::Head(supply.head_m(time_s)),
             Law::Tank { rate_m2_s, head_m, inflow_m3_s } => {
                 Outlet::Surface { rate_m2_s: *rate_m2_s, known_m3_s: *rate_m2_s * *head_m + *inflow_m3_s }
@@ -89,7 +90,7 @@ pub(crate) struct Junction<'a> {
     pub(crate) first: Side<'a, false>,
     /// What is there.
     pub(crate) law: Law,
-    /// Its elements.
+    /// Its elements, and the constant flow that is drawn off.
     pub(crate) node: Node,
     /// Its index among all nodes that may have elements.
     pub(crate) index: usize,
@@ -107,9 +108,10 @@ impl Junction<'_> {
         }
         let (node, reached, outlet) = (&mut self.node, last.and(first), self.law.at(time_s));
         // Head, flow into the node, and what of it the elements leave.
+        let drawn = node.taken_m3_s;
         let (head_m, inflow_m3_s, out_m3_s) = if node.is_plain() {
-            let (head_m, flow) = outlet.solve(reached.z, reached.e);
-            (head_m, flow, flow)
+            let (head_m, flow) = outlet.solve(reached.z, reached.e - reached.z * drawn);
+            (head_m, flow + drawn, flow + drawn)
         } else {
             let guess_m = self.last.head_m(state).or(self.first.head_m(state)).unwrap_or(0.0);
             let solved = node.find(reached, |h| outlet.flow_at_m3_s(h), guess_m);
@@ -117,7 +119,7 @@ impl Junction<'_> {
                 balance.node(self.index, node, &solved, [self.steady_m[0]; 2]);
             }
             node.advance(&solved);
-            (solved.left_head_m, solved.left_flow_m3_s, solved.right_flow_m3_s)
+            (solved.left_head_m, solved.left_flow_m3_s, solved.right_flow_m3_s + drawn)
         };
         if let Law::Tank { head_m: level_m, inflow_m3_s, .. } = &mut self.law {
             (*level_m, *inflow_m3_s) = (head_m, out_m3_s);

@@ -24,20 +24,22 @@ impl Laws<'_> {
     /// The law of a node into which lines bring `inflow_m3_s` before the closure.
     pub(crate) fn of(&mut self, node: usize, inflow_m3_s: f64) -> Law {
         let System { graph, passed, behind, .. } = self.system;
-        let link = passed.iter().position(|&n| n == node).map(|i| graph.lines.len() + i);
         let head_m = self.at_m[node];
         let behind_m = behind[node].map_or(head_m, |b| self.at_m[b]);
         match &graph.nodes[node].kind {
-            NodeKind::Junction { demand_m3_s } => Law::Draw(*demand_m3_s),
+            NodeKind::Junction { outlet, .. } => {
+                Law::Open(outlet.as_ref().map(|opening| Passage::Opening(opening.clone(), behind_m)))
+            }
             NodeKind::Reservoir { .. } => {
                 let own = if node == graph.supply() { self.supply.take() } else { None };
                 Law::Supply(own.unwrap_or_else(|| Box::new(ConstantHead(head_m))))
             }
             NodeKind::Tank { area_m2, .. } => Law::Tank { rate_m2_s: 2.0 * area_m2 / self.dt_s, head_m, inflow_m3_s },
-            NodeKind::Valve => self.valve.take().map_or(Law::Draw(0.0), |valve| Law::Passage(Passage::Valve(valve))),
+            NodeKind::Valve => self.valve.take().map_or(Law::Open(None), |valve| Law::Passage(Passage::Valve(valve))),
             NodeKind::Opening(opening) => Law::Passage(Passage::Opening(opening.clone(), behind_m)),
             NodeKind::CheckValve => Law::Passage(Passage::Check),
             NodeKind::Pump(pump) => {
+                let link = passed.binary_search(&node).ok().map(|i| graph.lines.len() + i);
                 let flow_m3_s = link.map_or(0.0, |k| self.link_m3_s[k].max(0.0));
                 Law::Passage(Passage::Pump(Turning::new(pump, self.density_kg_m3, flow_m3_s, behind_m - head_m)))
             }

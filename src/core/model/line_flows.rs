@@ -34,34 +34,36 @@ impl<'a> System<'a> {
         let count = graph.nodes.len();
         let mut begins = vec![false; count];
         graph.lines.iter().for_each(|line| begins[line.from] = true);
-        let (mut held_m, mut drawn_m3_s) = (vec![None; count], vec![0.0; count]);
+        let mut held_m = vec![None; count];
+        let mut drawn_m3_s: Vec<f64> = graph.nodes.iter().map(|node| node.kind.demand_m3_s()).collect();
         let (mut behind, mut passed) = (vec![None; count], Vec::new());
         for (n, node) in graph.nodes.iter().enumerate() {
-            if node.kind.is_passed() && (begins[n] || matches!(node.kind, NodeKind::Opening(_))) {
+            if node.kind.opening().is_some() || (node.kind.is_passed() && begins[n]) {
                 behind[n] = Some(held_m.len());
                 held_m.push(None);
                 drawn_m3_s.push(0.0);
             }
             match &node.kind {
-                NodeKind::Junction { demand_m3_s } => drawn_m3_s[n] = *demand_m3_s,
                 NodeKind::Reservoir { head_m } => held_m[n] = Some(head_m.unwrap_or(0.0)),
                 NodeKind::Tank { head_m, .. } => held_m[n] = Some(*head_m),
                 NodeKind::Valve => {
                     drawn_m3_s[n] = valve_m3_s;
                     behind[n].iter().for_each(|&b| drawn_m3_s[b] = -valve_m3_s);
                 }
-                NodeKind::Opening(opening) => {
-                    behind[n].iter().for_each(|&b| held_m[b] = opening.discharge_head_m);
-                    passed.extend((at_time(&opening.opening, 0.0) > 0.0).then_some(n));
-                }
+                NodeKind::Junction { .. } | NodeKind::Opening(_) => {}
                 NodeKind::CheckValve => passed.push(n),
                 NodeKind::Pump(pump) => {
                     held_m[n] = pump.suction_head_m;
                     passed.push(n);
                 }
             }
+            if let Some(opening) = node.kind.opening() {
+                behind[n].iter().for_each(|&b| held_m[b] = opening.discharge_head_m);
+                passed.extend((at_time(&opening.opening, 0.0) > 0.0).then_some(n));
+            }
         }
-        let line = |line: &crate::rig::Line| (behind[line.from].unwrap_or(line.from), line.to);
+        let start = |n: usize| behind[n].filter(|_| graph.nodes[n].kind.is_passed()).unwrap_or(n);
+        let line = |line: &crate::rig::Line| (start(line.from), line.to);
         let mut links: Vec<(usize, usize)> = graph.lines.iter().map(line).collect();
         links.extend(passed.iter().filter_map(|&n| Some((n, behind[n]?))));
         let mut near_m2 = vec![0.0; count];
@@ -74,32 +76,32 @@ impl<'a> System<'a> {
         System { graph, network, passed, behind, drawn_m3_s, usual_m3_s }
     }
 
-    /// Flow at the end of each link, from the flow drawn along each line and the head that a line takes.
+    /// Flow at the end of each link, from the flow drawn along each line, flows from which the iteration starts, and the head that a line takes.
     ///
     /// # Errors
     /// [`ModelError::NoSteadyFlow`].
     pub(crate) fn flows(
         &self,
         taken_m3_s: &[f64],
+        start_m3_s: &[f64],
         line_loss: impl Fn(usize, f64) -> (f64, f64),
     ) -> Result<Vec<f64>, ModelError> {
         let lines = self.graph.lines.len();
-        let drawn = Drawn { nodes_m3_s: &self.drawn_m3_s, links_m3_s: taken_m3_s, usual_m3_s: &self.usual_m3_s };
+        let drawn =
+            Drawn { nodes_m3_s: &self.drawn_m3_s, links_m3_s: taken_m3_s, usual_m3_s: &self.usual_m3_s, start_m3_s };
         self.network.flows(&drawn, |k, q| if k < lines { line_loss(k, q) } else { self.loss(k, q) })
     }
 
-    /// Flow in every line, m³/s, from the pipes' friction alone, which `scale` multiplies.
+    /// Flow in every link, the lines first, m³/s, from the pipes' friction alone, which `scale` multiplies.
     ///
     /// # Errors
     /// [`ModelError::NoSteadyFlow`].
-    pub(crate) fn line_flows(&self, rig: &Rig, water: &WaterProperties, scale: f64) -> Result<Vec<f64>, ModelError> {
-        let mut flows = self.flows(&vec![0.0; self.network.links.len()], |k, q| {
+    pub(crate) fn link_flows(&self, rig: &Rig, water: &WaterProperties, scale: f64) -> Result<Vec<f64>, ModelError> {
+        self.flows(&vec![0.0; self.network.links.len()], &self.usual_m3_s, |k, q| {
             let loss = |q: f64| rig.pipes_of(k).iter().map(|p| loss_m(p, water, q)).sum::<f64>() * scale;
             let (here, step) = (loss(q), 1e-6 * q.abs().max(1e-6 * self.usual_m3_s[k]));
             (here, (loss(q + step) - here) / step)
-        })?;
-        flows.truncate(self.graph.lines.len());
-        Ok(flows)
+        })
     }
 
     /// Head that a link after the lines takes, m, and its slope.
@@ -113,7 +115,9 @@ impl<'a> System<'a> {
 /// # Errors
 /// [`ModelError::NoSteadyFlow`].
 pub fn line_flows(rig: &Rig, water: &WaterProperties, valve_m3_s: f64, scale: f64) -> Result<Vec<f64>, ModelError> {
-    System::new(rig, valve_m3_s).line_flows(rig, water, scale)
+    let mut flows = System::new(rig, valve_m3_s).link_flows(rig, water, scale)?;
+    flows.truncate(rig.graph.lines.len());
+    Ok(flows)
 }
 
 /// Head that friction takes from the supply to the valve while the valve passes `valve_m3_s`, m.

@@ -25,6 +25,7 @@ pub(crate) mod late;
 pub(crate) mod laws;
 pub mod line_flows;
 pub mod memory;
+pub(crate) mod multigrid;
 pub(crate) mod network;
 pub mod node;
 pub mod oscillator;

@@ -2,10 +2,11 @@
 //!
 //! Links that hang on one other link alone carry what is drawn behind them. What is left, the loops and what lies between heads that are held, is solved by
 //! the global gradient algorithm (Todini & Pilati 1988, in Computer Applications in Water Supply 1, 1-20; as in EPANET 2): Newton's method on flows and
-//! heads at once, of which each step is one symmetric system for the heads.
+//! heads at once, of which each step is one symmetric system for the heads. Losses rise with the flow, so that the flow is where a convex function, the
+//! content (Collins et al. 1978, Manage. Sci. 24(7):747-760), is least among all that meet continuity: a step is as long as this function falls along it.
 
 use crate::model::error::ModelError;
-use crate::model::sparse::Symmetric;
+use crate::model::multigrid::Multigrid;
 
 /// Links between nodes, with the order in which they are solved.
 pub(crate) struct Network {
@@ -23,7 +24,7 @@ pub(crate) struct Network {
     free: Vec<usize>,
     /// The links of the core between two of them, by their index in it.
     inner: Vec<usize>,
-    system: Symmetric,
+    system: Multigrid,
 }
 
 /// What flows.
@@ -34,14 +35,20 @@ pub(crate) struct Drawn<'a> {
     pub links_m3_s: &'a [f64],
     /// A flow of the size that is usual in each link, m³/s.
     pub usual_m3_s: &'a [f64],
+    /// Flows from which the iteration starts, m³/s.
+    pub start_m3_s: &'a [f64],
 }
 
 const MOST_STEPS: usize = 200;
-/// Change of all flows, as a share of them, at which they are found, and at which they are still taken for found.
+/// The content's slope at the end of a step that is long enough, as a share of that at its beginning; halvings until one is found.
+const MUCH: f64 = 0.5;
+const MOST_HALVINGS: usize = 40;
+/// Change of all flows as a share of them, or of a link's loss as a share of the largest, at which they are found, and at which they are still taken for
+/// found. In a link that takes next to no head, rounding of the heads leaves the flow open.
 const FOUND: f64 = 1e-14;
 const NEAR: f64 = 1e-9;
 /// Least slope of a link's loss, as a share of that at its usual flow: at rest a quadratic law has none.
-const LEAST_SLOPE: f64 = 1e-9;
+const LEAST_SLOPE: f64 = 1e-6;
 
 impl Network {
     /// Prepares links between nodes, of which some hold a head, m.
@@ -58,7 +65,7 @@ impl Network {
         let is_inner = |&i: &usize| held_m[links[core[i]].0].is_none() && held_m[links[core[i]].1].is_none();
         let inner: Vec<usize> = (0..core.len()).filter(is_inner).collect();
         let edge = |&i: &usize| (number[links[core[i]].0], number[links[core[i]].1]);
-        let system = Symmetric::new(free.len(), &inner.iter().map(edge).collect::<Vec<_>>());
+        let system = Multigrid::new(free.len(), inner.iter().map(edge).collect());
         Network { links, held_m, tree, core, number, free, inner, system }
     }
 
@@ -83,46 +90,60 @@ impl Network {
         if core.is_empty() {
             return Ok(flows);
         }
-        let mut q: Vec<f64> = core.iter().map(|&k| by.usual_m3_s[k]).collect();
-        let least: Vec<f64> = core.iter().zip(&q).map(|(&k, &q)| LEAST_SLOPE * loss(k, q).1.abs()).collect();
+        let mut q: Vec<f64> = core.iter().map(|&k| by.start_m3_s[k]).collect();
+        let slopes: Vec<f64> = core.iter().map(|&k| loss(k, by.usual_m3_s[k]).1.abs()).collect();
+        // Links without friction share a flow as others of little friction do.
+        let little = slopes.iter().copied().filter(|s| *s > 0.0).fold(f64::INFINITY, f64::min).min(f64::MAX);
+        let least: Vec<f64> = slopes.iter().map(|&s| LEAST_SLOPE * if s > 0.0 { s } else { little }).collect();
         let (mut best, mut since) = (f64::INFINITY, 0);
-        let (mut before, mut part): (f64, f64) = (f64::INFINITY, 1.0);
-        for _ in 0..MOST_STEPS {
+        // Heads are counted from one that is held, and corrected: what is solved for fades, and the rounding of it.
+        let datum_m = core.iter().find_map(|&k| held_m[links[k].0].or(held_m[links[k].1])).unwrap_or(0.0);
+        let mut heads = vec![0.0; free.len()];
+        for step in 0..MOST_STEPS {
+            let head =
+                |node: usize, heads: &[f64]| held_m[node].map_or_else(|| heads[number[node]], |held| held - datum_m);
             let mut diagonal = vec![0.0; free.len()];
-            let mut heads: Vec<f64> = free.iter().map(|&node| -drawn[node]).collect();
-            // Flow in a link: c + p (H_from - H_to).
+            let mut by_m: Vec<f64> = free.iter().map(|&node| -drawn[node]).collect();
+            // Of each link: what its flow would change by at these heads, and how much more by a m between its ends.
             let mut lines = Vec::with_capacity(core.len());
+            let mut largest_m: f64 = f64::MIN_POSITIVE;
             for ((&k, &q), &least) in core.iter().zip(&q).zip(&least) {
+                let (a, b) = links[k];
                 let (drop_m, slope) = loss(k, q);
                 let p = 1.0 / slope.max(least);
-                let c = q - p * drop_m;
-                let (a, b) = links[k];
-                for (node, other, c) in [(a, b, -(c + by.links_m3_s[k])), (b, a, c)] {
-                    if let (None, i) = (held_m[node], number[node]) {
-                        diagonal[i] += p;
-                        heads[i] += c + held_m[other].map_or(0.0, |held| p * held);
+                let here = p * (head(a, &heads) - head(b, &heads) - drop_m);
+                for (node, into) in [(a, -(q + here + by.links_m3_s[k])), (b, q + here)] {
+                    if held_m[node].is_none() {
+                        diagonal[number[node]] += p;
+                        by_m[number[node]] += into;
                     }
                 }
-                lines.push((c, p));
+                lines.push((here, p));
+                largest_m = largest_m.max(drop_m.abs());
             }
-            let off: Vec<f64> = inner.iter().map(|&i| -lines[i].1).collect();
-            system.solve(&diagonal, &off, &mut heads);
-            let head = |node: usize| held_m[node].unwrap_or_else(|| heads[number[node]]);
+            let weights: Vec<f64> = inner.iter().map(|&i| lines[i].1).collect();
+            system.solve(&diagonal, &weights, &mut by_m);
+            heads.iter_mut().zip(&by_m).for_each(|(head, by)| *head += by);
+            // Of each link, how much its flow changes and the head between its ends.
             let mut steps = Vec::with_capacity(core.len());
             let (mut moved, mut whole) = (0.0, f64::MIN_POSITIVE);
-            for ((&k, q), (c, p)) in core.iter().zip(&q).zip(lines) {
-                let next = c + p * (head(links[k].0) - head(links[k].1));
-                moved += (next - *q).abs();
-                whole += next.abs();
-                steps.push(next - *q);
+            let mut off_m: f64 = 0.0;
+            for ((&k, q), (here, p)) in core.iter().zip(&q).zip(lines) {
+                let (a, b) = links[k];
+                let by_m = |node: usize| if held_m[node].is_none() { by_m[number[node]] } else { 0.0 };
+                let by = here + p * (by_m(a) - by_m(b));
+                moved += by.abs();
+                whole += (*q + by).abs();
+                off_m = off_m.max((by / p).abs());
+                steps.push((by, head(a, &heads) - head(b, &heads)));
             }
-            let change: f64 = moved / whole;
-            if !change.is_finite() {
+            let change = (moved / whole).min(off_m / largest_m);
+            if !moved.is_finite() {
                 return Err(ModelError::NoSteadyFlow);
             }
-            // At the kinks of pumps and check valves whole steps may go to and fro.
-            part = if change < 0.9 * before { (2.0 * part).min(1.0) } else { (0.5 * part).max(0.05) };
-            before = change;
+            // The first flows do not meet continuity: a whole step makes them do so.
+            let part = if step == 0 { 1.0 } else { part(core, &q, &steps, &loss) };
+            let steps = steps.into_iter().map(|(by, _)| by);
             q.iter_mut().zip(steps).for_each(|(q, step)| *q += part * step);
             (best, since) = if change < best { (change, 0) } else { (best, since + 1) };
             // Rounding ends the iteration where the smallest change does not.
@@ -136,6 +157,28 @@ impl Network {
         core.iter().zip(q).for_each(|(&k, q)| flows[k] = q);
         Ok(flows)
     }
+}
+
+/// How much of a step to take, at most all of it: the content falls along it by `Σ by (loss - head between)`, which rises on the way.
+fn part(core: &[usize], q: &[f64], steps: &[(f64, f64)], loss: &impl Fn(usize, f64) -> (f64, f64)) -> f64 {
+    let slope = |part: f64| {
+        let links = core.iter().zip(q).zip(steps);
+        links.map(|((&k, q), &(by, between_m))| by * (loss(k, q + part * by).0 - between_m)).sum::<f64>()
+    };
+    let first = slope(0.0).abs();
+    let (mut low, mut high) = (0.0, 1.0);
+    if slope(high) <= MUCH * first {
+        return high;
+    }
+    for _ in 0..MOST_HALVINGS {
+        let middle = 0.5 * (low + high);
+        match slope(middle) {
+            found if found.abs() <= MUCH * first => return middle,
+            found if found > 0.0 => high = middle,
+            _ => low = middle,
+        }
+    }
+    high
 }
 
 /// The links at the end of which nothing but what is drawn there leaves, over and over, each with that end; and the rest.
@@ -172,7 +215,7 @@ mod tests {
         let links = [(0, 1), (0, 1), (1, 2), (3, 1)];
         let network = Network::new(links.to_vec(), vec![Some(50.0), None, None, None]);
         let (nodes_m3_s, links_m3_s) = (&[0.0, 0.1, 0.5, 0.2], &[0.0, 0.0, 0.01, 0.0]);
-        let drawn = Drawn { nodes_m3_s, links_m3_s, usual_m3_s: &[0.3; 4] };
+        let drawn = Drawn { nodes_m3_s, links_m3_s, usual_m3_s: &[0.3; 4], start_m3_s: &[0.3; 4] };
         let r = [1.0, 4.0, 1.0, 1.0];
         let flows = network.flows(&drawn, |k, q| (r[k] * q * q.abs(), 2.0 * r[k] * q.abs())).unwrap();
         assert_eq!(flows[2..], [0.5, -0.2]);
@@ -184,7 +227,8 @@ mod tests {
     fn three_reservoirs_meet_at_the_junction_of_zero_sum() {
         let held = [Some(120.0), Some(100.0), Some(80.0), None];
         let network = Network::new(vec![(0, 3), (1, 3), (2, 3)], held.to_vec());
-        let drawn = Drawn { nodes_m3_s: &[0.0; 4], links_m3_s: &[0.0; 3], usual_m3_s: &[0.1; 3] };
+        let drawn =
+            Drawn { nodes_m3_s: &[0.0; 4], links_m3_s: &[0.0; 3], usual_m3_s: &[0.1; 3], start_m3_s: &[0.1; 3] };
         let r = [160.0, 400.0, 900.0];
         let flows = network.flows(&drawn, |k, q| (r[k] * q * q.abs(), 2.0 * r[k] * q.abs())).unwrap();
         let into = |head: f64| {
@@ -230,7 +274,8 @@ mod tests {
         let drawn = [0.0, 150.0, 150.0, 100.0, 150.0, 200.0, 150.0, 100.0, 100.0, 0.0, 0.0].map(|q: f64| q * GPM);
         let ends: Vec<(usize, usize)> = links.iter().map(|l| (l.0, l.1)).collect();
         let network = Network::new(ends, held.to_vec());
-        let drawn = Drawn { nodes_m3_s: &drawn, links_m3_s: &[0.0; 13], usual_m3_s: &[1.0; 13] };
+        let drawn =
+            Drawn { nodes_m3_s: &drawn, links_m3_s: &[0.0; 13], usual_m3_s: &[1.0; 13], start_m3_s: &[1.0; 13] };
         let flows = network.flows(&drawn, |k, q| {
             let (_, _, length, inches, _) = links[k];
             if length == 0.0 {

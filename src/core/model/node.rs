@@ -210,7 +210,7 @@ pub struct Node {
     pub losses: Vec<Loss>,
     /// Shunts, behind the losses.
     pub shunts: Vec<Box<dyn Shunt>>,
-    /// What elements take here that are spread over several nodes, behind the losses, m³/s.
+    /// What elements take here that are spread over several nodes, or what is drawn off, behind the losses, m³/s.
     pub taken_m3_s: f64,
 }
 

@@ -19,7 +19,7 @@ const LEAST_SPEED: f64 = 1e-3;
 pub enum Passage {
     /// The valve that closes.
     Valve(ValveEnd),
-    /// Another valve, and the head behind it where no line follows, m.
+    /// Another valve or opening, and the head behind it where no line follows, m.
     Opening(Opening, f64),
     /// Water passes one way.
     Check,
@@ -72,11 +72,11 @@ fn root_c(valve: &Opening, opening: f64) -> f64 {
 
 /// Head that a node takes of a steady flow that passes it, m, and its slope.
 pub(crate) fn steady_loss(kind: &NodeKind, flow_m3_s: f64) -> (f64, f64) {
+    if let Some(valve) = kind.opening() {
+        let k = root_c(valve, at_time(&valve.opening, 0.0)).powi(-2);
+        return (k * flow_m3_s * flow_m3_s.abs(), 2.0 * k * flow_m3_s.abs());
+    }
     match kind {
-        NodeKind::Opening(valve) => {
-            let k = root_c(valve, at_time(&valve.opening, 0.0)).powi(-2);
-            (k * flow_m3_s * flow_m3_s.abs(), 2.0 * k * flow_m3_s.abs())
-        }
         _ if flow_m3_s < 0.0 => {
             let shut_m = if let NodeKind::Pump(pump) = kind { -gain(&pump.curve, speed(pump), 0.0).0 } else { 0.0 };
             (shut_m + BARRIER * flow_m3_s, BARRIER)
@@ -99,9 +99,10 @@ fn speed(pump: &Pump) -> f64 {
 
 /// Head that a pump adds at a relative speed and a flow, and its slope: the laws of affinity, `H/α² = f(Q/α)`.
 fn gain(curve: &PumpCurve, speed: f64, flow_m3_s: f64) -> (f64, f64) {
-    let PumpCurve { shutoff_m, fall, power } = *curve;
+    let PumpCurve { shutoff_m, fall, power, least_m } = *curve;
     let fall = fall * speed.max(LEAST_SPEED).powf(2.0 - power);
-    (speed * speed * shutoff_m - fall * flow_m3_s.powf(power), -power * fall * flow_m3_s.powf(power - 1.0))
+    let gain_m = speed * speed * shutoff_m - fall * flow_m3_s.powf(power);
+    if gain_m < least_m { (least_m, 0.0) } else { (gain_m, -power * fall * flow_m3_s.powf(power - 1.0)) }
 }
 
 /// A pump that turns.
@@ -187,6 +188,11 @@ mod tests {
             assert!(((turning.through(e + 1e-4, z).0 - q) / 1e-4 / slope - 1.0).abs() < 1e-3);
         }
         assert_eq!(turning.through(-61.0, 300.0), (0.0, 0.0));
+        // With a bypass it never takes head: 0.2 m³/s is beyond the curve's end.
+        let curve = PumpCurve { least_m: 0.0, ..curve };
+        let turning = Turning::new(&Pump { curve, suction_head_m: None, drive: pump.drive }, 998.0, 0.02, 55.0);
+        let (q, slope) = turning.through(60.0, 300.0);
+        assert!((q - 0.2).abs() < 1e-12 && (slope - 1.0 / 300.0).abs() < 1e-12, "{q} {slope}");
     }
 
     /// Against a torque that falls with the square of the speed, `α = 1/(1 + t/T)`, `T = I ω²/P`.

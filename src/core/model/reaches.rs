@@ -9,6 +9,9 @@ pub struct Travel {
     pub way: Vec<usize>,
 }
 
+/// Most joints that are looked at for a number of reaches that fits.
+const MOST_TRIED: usize = 10_000_000;
+
 impl Travel {
     /// From the supply to the valve, s.
     pub fn way_s(&self) -> f64 {
@@ -41,8 +44,12 @@ impl Travel {
             };
             self.lines_s.iter().map(of).fold(0.0, f64::max)
         };
+        // So many lines have no number that fits them all: fewer are tried.
+        let most = MOST_TRIED / self.lines_s.iter().map(Vec::len).sum::<usize>().max(1);
         // The first of the best: `min_by` keeps it.
-        (reaches..=reaches + reaches / 4).min_by(|&a, &b| misfit(a).total_cmp(&misfit(b))).unwrap_or(reaches)
+        (reaches..=reaches + (reaches / 4).min(most))
+            .min_by(|&a, &b| misfit(a).total_cmp(&misfit(b)))
+            .unwrap_or(reaches)
     }
 }
 

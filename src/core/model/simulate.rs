@@ -108,7 +108,7 @@ impl Model<'_> {
         let graph = &self.rig.graph;
         let flow_m3_s = run.initial_velocity_m_s * self.rig.pipe_at_valve().area_m2();
         let system = System::new(self.rig, flow_m3_s);
-        let line_m3_s = system.line_flows(self.rig, &conditions.water, run.friction_scale)?;
+        let line_m3_s = system.link_flows(self.rig, &conditions.water, run.friction_scale)?;
         let needed = self.pipes_travel_s(shared).least_reaches();
         if resolution.reaches < needed {
             return Err(ModelError::TooFewReaches { reaches: resolution.reaches, needed });
@@ -132,8 +132,16 @@ impl Model<'_> {
         };
         let Attached { grid, mut nodes, mut spread, owners } = attach(self, grid, shared, &scene)?;
         let frictions = reach_frictions(&grid, resolution.reaches, &line_m3_s, flow_m3_s)?;
-        let before = Given { grid: &grid, system: &system, frictions: &frictions, valve_head_m: run.valve_head_m };
+        let before = Given {
+            grid: &grid,
+            system: &system,
+            frictions: &frictions,
+            valve_head_m: run.valve_head_m,
+            start_m3_s: &line_m3_s,
+        };
         let Found { head_m, flow_m3_s: flows, at_m, link_m3_s } = before.settle(&mut nodes, &mut spread)?;
+        let at_graph = nodes[grid.segments.len()..].iter_mut().zip(&graph.nodes);
+        at_graph.for_each(|(node, of)| node.taken_m3_s = of.kind.demand_m3_s());
         let starts = grid.segments.iter().map(|s| Place { line: s.line, position_m: s.start_m }).collect();
         let steady = Steady {
             grid: &grid,

@@ -68,15 +68,15 @@ impl Symmetric {
         symmetric
     }
 
-    /// Solves for `x` in place of `b`: `diagonal` by node, `off` by edge.
-    pub(crate) fn solve(&self, diagonal: &[f64], off: &[f64], b: &mut [f64]) {
+    /// The factors of numbers: `diagonal` by node, `off` by edge.
+    pub(crate) fn factors(&self, diagonal: &[f64], off: &[f64]) -> Factors<'_> {
         let n = self.place.len();
         let mut values = vec![0.0; self.entries];
         self.entry.iter().zip(off).for_each(|(&i, v)| values[i] += v);
         let filled = self.columns[n];
         let (mut index, mut lower, mut used) = (vec![0usize; filled], vec![0.0; filled], vec![0usize; n]);
-        let (mut d, mut x) = (vec![0.0; n], vec![0.0; n]);
-        self.place.iter().zip(diagonal.iter().zip(b.iter())).for_each(|(&k, (&dk, &bk))| (d[k], x[k]) = (dk, bk));
+        let mut d = vec![0.0; n];
+        self.place.iter().zip(diagonal).for_each(|(&k, &dk)| d[k] = dk);
         let (mut y, mut seen) = (vec![0.0; n], vec![NONE; n]);
         let (mut pattern, mut path) = (Vec::<usize>::new(), Vec::<usize>::new());
         for k in 0..n {
@@ -104,18 +104,38 @@ impl Symmetric {
                 used[i] += 1;
             }
         }
+        Factors { of: self, index, lower, d }
+    }
+}
+
+/// `L` and `D`.
+pub(crate) struct Factors<'a> {
+    of: &'a Symmetric,
+    /// The row of each entry of `L`, column after column.
+    index: Vec<usize>,
+    lower: Vec<f64>,
+    d: Vec<f64>,
+}
+
+impl Factors<'_> {
+    /// Solves for `x` in place of `b`.
+    pub(crate) fn solve(&self, b: &mut [f64]) {
+        let Factors { of: Symmetric { place, columns, .. }, index, lower, d } = self;
+        let n = place.len();
+        let mut x = vec![0.0; n];
+        place.iter().zip(b.iter()).for_each(|(&k, &bk)| x[k] = bk);
         for i in 0..n {
-            for p in self.columns[i]..self.columns[i + 1] {
+            for p in columns[i]..columns[i + 1] {
                 x[index[p]] -= lower[p] * x[i];
             }
         }
         for i in (0..n).rev() {
             x[i] /= d[i];
-            for p in self.columns[i]..self.columns[i + 1] {
+            for p in columns[i]..columns[i + 1] {
                 x[i] -= lower[p] * x[index[p]];
             }
         }
-        self.place.iter().zip(b).for_each(|(&k, b)| *b = x[k]);
+        place.iter().zip(b).for_each(|(&k, b)| *b = x[k]);
     }
 }
 
@@ -187,7 +207,7 @@ mod tests {
         }
         let off: Vec<f64> = weight.iter().map(|g| -g).collect();
         let system = Symmetric::new(w * h, &edges);
-        system.solve(&diagonal, &off, &mut b);
+        system.factors(&diagonal, &off).solve(&mut b);
         let worst = b.iter().zip(&exact).map(|(x, e)| (x - e).abs()).fold(0.0, f64::max);
         assert!(worst < 1e-10, "{worst}");
         // An order as the nodes stand would fill a band of the grid's width.

@@ -37,6 +37,8 @@ pub(crate) struct Given<'a> {
     pub frictions: &'a [ReachFriction],
     /// Head before the valve, m.
     pub valve_head_m: f64,
+    /// Flow in each link from the pipes alone, m³/s.
+    pub start_m3_s: &'a [f64],
 }
 
 /// Steady heads and flows.
@@ -87,7 +89,7 @@ impl Given<'_> {
             head_m: vec![self.valve_head_m; grid.nodes()],
             flow_m3_s: vec![0.0; grid.segments.len()],
             at_m: vec![f64::NAN; system.network.held_m.len()],
-            link_m3_s: system.flows(&taken, |k, q| self.loss(k, q, nodes))?,
+            link_m3_s: system.flows(&taken, self.start_m3_s, |k, q| self.loss(k, q, nodes))?,
         };
         self.heads(nodes, &mut found);
         let elements = nodes[grid.segments.len()..].iter_mut().zip(&found.at_m);

@@ -46,10 +46,12 @@ pub struct Node {
 /// What is at a node.
 #[derive(Debug, Clone, PartialEq)]
 pub enum NodeKind {
-    /// Pipes meet, or one ends; a constant flow may be drawn off.
+    /// Pipes meet, or one ends; a constant flow may be drawn off, and water may leave by an opening: a leak, a burst, a demand that follows the pressure.
     Junction {
         /// Flow drawn off, m³/s.
         demand_m3_s: f64,
+        /// An opening to the outside.
+        outlet: Option<Opening>,
     },
     /// What feeds the pipes, at a constant head unless an effect says otherwise.
     Reservoir {
@@ -95,7 +97,7 @@ pub struct Pump {
     pub drive: Drive,
 }
 
-/// Head of a pump at its speed before the closure: `H = shutoff - fall · Q^power`.
+/// Head of a pump at its speed before the closure: `H = shutoff - fall · Q^power`, not below the least.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PumpCurve {
     /// Head without flow, m.
@@ -104,6 +106,8 @@ pub struct PumpCurve {
     pub fall: f64,
     /// Power of the flow.
     pub power: f64,
+    /// Least head, m: 0 where a bypass with a check valve lets water past, else -∞.
+    pub least_m: f64,
 }
 
 /// What drives a pump.
@@ -127,11 +131,12 @@ pub enum Drive {
 impl PumpCurve {
     /// Through one point `(m³/s, m)`, with the shutoff head and the greatest flow that EPANET gives it, or through three, the first without flow.
     pub fn through(points: &[(f64, f64)]) -> Option<PumpCurve> {
+        let least_m = f64::NEG_INFINITY;
         let curve = match *points {
-            [(q, h)] => PumpCurve { shutoff_m: 4.0 / 3.0 * h, fall: h / 3.0 / (q * q), power: 2.0 },
+            [(q, h)] => PumpCurve { shutoff_m: 4.0 / 3.0 * h, fall: h / 3.0 / (q * q), power: 2.0, least_m },
             [(0.0, h0), (q1, h1), (q2, h2)] if h0 > h1 && h1 > h2 && q2 > q1 => {
                 let power = ((h0 - h2) / (h0 - h1)).ln() / (q2 / q1).ln();
-                PumpCurve { shutoff_m: h0, fall: (h0 - h1) / q1.powf(power), power }
+                PumpCurve { shutoff_m: h0, fall: (h0 - h1) / q1.powf(power), power, least_m }
             }
             _ => return None,
         };
@@ -166,6 +171,20 @@ impl NodeKind {
     /// Whether water passes it in one direction from the lines that end there to those that begin there, which then have heads of their own.
     pub fn is_passed(&self) -> bool {
         matches!(self, NodeKind::Valve | NodeKind::Opening(_) | NodeKind::CheckValve | NodeKind::Pump(_))
+    }
+
+    /// The opening by which water leaves or passes it, apart from the valve that closes.
+    pub fn opening(&self) -> Option<&Opening> {
+        match self {
+            NodeKind::Opening(opening) => Some(opening),
+            NodeKind::Junction { outlet, .. } => outlet.as_ref(),
+            _ => None,
+        }
+    }
+
+    /// Constant flow drawn off there, m³/s.
+    pub fn demand_m3_s(&self) -> f64 {
+        if let NodeKind::Junction { demand_m3_s, .. } = self { *demand_m3_s } else { 0.0 }
     }
 
     /// Whether it holds a head that an effect may change in time.

@@ -28,6 +28,7 @@ pub(crate) const KEYS: &[&str] = &[
     "inertia_kg_m2",
     "speed_rpm",
     "efficiency_percent",
+    "bypass",
 ];
 
 const EFFICIENCY: Limits = Limits { holds: |v| v > 0.0 && v <= 100.0, words: "a percentage above 0, at most 100" };
@@ -35,7 +36,7 @@ const SHARE: Limits = Limits { holds: |v| (0.0..=1.0).contains(&v), words: "a sh
 
 /// The kinds of node, as rig files spell them, and the keys of each beside `name`, `kind`, `elevation_m` and `at`.
 const KINDS: [(&str, &[&str]); 7] = [
-    ("junction", &["demand_m3_h"]),
+    ("junction", &["demand_m3_h", "cda_mm2", "opening", "discharge_head_m"]),
     ("reservoir", &["head_m"]),
     ("tank", &["head_m", "area_m2"]),
     ("dead-end", &[]),
@@ -43,7 +44,16 @@ const KINDS: [(&str, &[&str]); 7] = [
     ("check-valve", &[]),
     (
         "pump",
-        &["curve_m3_h_m", "suction_head_m", "speed", "trip_s", "inertia_kg_m2", "speed_rpm", "efficiency_percent"],
+        &[
+            "curve_m3_h_m",
+            "suction_head_m",
+            "speed",
+            "trip_s",
+            "inertia_kg_m2",
+            "speed_rpm",
+            "efficiency_percent",
+            "bypass",
+        ],
     ),
 ];
 const OF_ALL: [&str; 4] = ["name", "kind", "elevation_m", "at"];
@@ -158,8 +168,7 @@ fn levels(kind: &NodeKind) -> usize {
     match kind {
         NodeKind::Reservoir { .. } | NodeKind::Tank { .. } => 1,
         NodeKind::Pump(pump) => usize::from(pump.suction_head_m.is_some()),
-        NodeKind::Opening(opening) => usize::from(opening.discharge_head_m.is_some()),
-        _ => 0,
+        kind => usize::from(kind.opening().is_some_and(|opening| opening.discharge_head_m.is_some())),
     }
 }
 
@@ -227,8 +236,15 @@ fn read_node(section: &Section<'_>, names: &mut Names) -> Option<ReadNode> {
         "pump" => read_pump(section).map(NodeKind::Pump),
         "check-valve" => Some(NodeKind::CheckValve),
         _ => {
-            let demand_m3_h = section.number("demand_m3_h", &FINITE).unwrap_or(0.0);
-            Some(NodeKind::Junction { demand_m3_s: demand_m3_h / 3600.0 })
+            let demand_m3_s = section.number("demand_m3_h", &FINITE).unwrap_or(0.0) / 3600.0;
+            let opens = ["cda_mm2", "opening", "discharge_head_m"].iter().any(|key| section.place_of(key).is_some());
+            let outlet = if opens { Some(read_opening(section)?) } else { None };
+            // Into the air at its own height.
+            let outlet = outlet.map(|opening| Opening {
+                discharge_head_m: opening.discharge_head_m.or(elevation_m).or(Some(0.0)),
+                ..opening
+            });
+            Some(NodeKind::Junction { demand_m3_s, outlet })
         }
     };
     let node = Node { name: name?.value.to_owned(), kind: kind_read?, at: section.pair("at") };
@@ -263,7 +279,7 @@ const CURVE: &str =
     "a list [[m3/h, m], …] of one point, or of three of which the first has no flow, with heads that fall";
 
 fn read_opening(section: &Section<'_>) -> Option<Opening> {
-    let words = "the valve's area times its discharge coefficient (a valve that closes has 'closing_time_s' instead)";
+    let words = "the opening's area times its discharge coefficient (a valve that closes has 'closing_time_s' instead)";
     let cda_mm2 = section.required("cda_mm2", words, section.number("cda_mm2", &POSITIVE));
     let opening = over_time(section, "opening", &SHARE).unwrap_or_else(|| vec![(0.0, 1.0)]);
     let discharge_head_m = section.number("discharge_head_m", &FINITE);
@@ -277,6 +293,8 @@ fn read_pump(section: &Section<'_>) -> Option<Pump> {
     if let (None, Some(place)) = (curve, section.place_of("curve_m3_h_m")) {
         section.fault_at(&place, format!("'curve_m3_h_m' must be {CURVE}"));
     }
+    let bypass = section.choice("bypass", &[("check-valve", 0.0)]);
+    let least_m = bypass.map_or(f64::NEG_INFINITY, |least| least.value);
     let speed = over_time(section, "speed", &NOT_NEGATIVE);
     let drive = match (section.number("trip_s", &NOT_NEGATIVE), speed) {
         (Some(_), Some(_)) => {
@@ -292,7 +310,11 @@ fn read_pump(section: &Section<'_>) -> Option<Pump> {
             Drive::Trip { at_s, inertia_kg_m2: inertia_kg_m2?, speed_rad_s, efficiency: efficiency? / 100.0 }
         }
     };
-    Some(Pump { curve: curve?, suction_head_m: section.number("suction_head_m", &FINITE), drive })
+    Some(Pump {
+        curve: PumpCurve { least_m, ..curve? },
+        suction_head_m: section.number("suction_head_m", &FINITE),
+        drive,
+    })
 }
 
 /// A number, or a list of times and numbers.
@@ -327,7 +349,7 @@ mod tests {
         // A sensor on a branch is as far before the valve as a wave comes.
         assert_eq!(rig.on_way_m(rig.sensors[2].place()), 420.0 - 203.0);
         assert_eq!(rig.at_way_m(350.0), Place { line: 1, position_m: 50.0 });
-        assert!(matches!(rig.graph.nodes[3].kind, NodeKind::Junction { demand_m3_s: 0.0 }));
+        assert!(matches!(rig.graph.nodes[3].kind, NodeKind::Junction { demand_m3_s: 0.0, outlet: None }));
     }
 
     #[test]
