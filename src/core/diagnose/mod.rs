@@ -109,7 +109,6 @@ fn diagnose_start(
     let fitter = Fitter { rig, runs, asked: effects, options, progress };
     let mut search = Search::new(fitter, &start, from, &baseline, grown);
     search.run(MOST_MISSING);
-    search.finish_best();
     let weighed = weigh(&search);
     let mut candidates = candidates(&search, &weighed);
     let shown = weighed.models.first().is_some_and(|m| m.is_shown && m.evidence > 0.0);
