@@ -6,7 +6,7 @@ use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
 use crate::fit::problem::error::FitError;
 use crate::fit::progress::{OnProgress, Progress};
-use crate::fit::search::calibrate::{CoarseFit, calibrate, fit_coarsely, refine, without};
+use crate::fit::search::calibrate::{CoarseFit, calibrate, fit_coarsely, go_on, refine, without};
 use crate::fit::search::nested::with_more_elements;
 use crate::fit::search::options::Options;
 use crate::model::effects::{Chosen, boils};
@@ -44,11 +44,10 @@ impl Fitter<'_> {
         fit_coarsely(self.rig, self.runs, &effects, self.options)
     }
 
-    /// A fit led on to its optimum: until it converges, past elements of creep that kept it from there, and with as many more elements of its effect
-    /// `open` as the evidence supports. Near the noise a model with cavities has a finer grid than before: the grid's error decides between rivals there.
+    /// A fit led on to its optimum: until it converges, and with as many more elements of its effect `open` as the evidence supports. Near the noise a model with cavities has a finer grid than before: the grid's error decides between rivals there.
     pub(crate) fn to_its_end(&self, fit: &Fit, open: Option<usize>) -> Result<Fit, FitError> {
         let most = if self.is_held_back(fit) { MOST_REACHES_NEAR_NOISE } else { MOST_REACHES_WITH_CAVITIES };
-        let options = Options { prune: self.options.prune, ..self.bounded(&fit.effects, most) };
+        let options = self.bounded(&fit.effects, most);
         let end = match self.is_at_optimum(fit) {
             true => fit.clone(),
             false => refine(self.rig, self.runs, &fit.effects, &fit.values(), &options, &self.shown(&fit.effects))?,
@@ -64,6 +63,12 @@ impl Fitter<'_> {
         let (options, shown) = (self.bounded(&fit.effects, MOST_REACHES_WITH_CAVITIES), self.shown(&fit.effects));
         let more = with_more_elements(self.rig, self.runs, fit.clone(), (i, most), &options, &shown).ok()?;
         (more.effects != fit.effects).then_some(more)
+    }
+
+    /// A fit past the elements of creep that keep it from its optimum; none where it is there, or does not get there.
+    pub(crate) fn pruned(&self, fit: &Fit) -> Option<Fit> {
+        let go_on = || go_on(self.rig, self.runs, fit, self.options, &self.shown(&fit.effects)).ok();
+        if fit.converged { None } else { go_on().filter(|pruned| pruned.converged) }
     }
 
     /// The model without its effect `i`, briefly fitted.

@@ -18,7 +18,7 @@ use crate::fit::search::calibrator::{Calibrator, Estimate};
 use crate::fit::search::coarse_fit::{
     coarse_fit, grow, is_poor, mean_square, or_from_smaller, relocated, residual_summary,
 };
-use crate::fit::search::finish::{finish, without_descent};
+use crate::fit::search::finish::{descend, finish, without_descent};
 use crate::fit::search::global::global_search;
 use crate::fit::search::options::Options;
 use crate::fit::search::sensor_choice::with_sensors;
@@ -162,6 +162,22 @@ pub fn refine(
 ) -> Result<Fit, FitError> {
     let ctx = Calibrator::new(rig, runs, options, progress, effects, Some(values))?;
     finish(&ctx, &ctx.model(effects), Estimate::unseen(values.to_vec()))
+}
+
+/// Fits a model on from where its fit ended, to all samples on the same grid.
+///
+/// # Errors
+/// As [`calibrate`].
+pub(crate) fn go_on(
+    rig: &Rig,
+    runs: &[RunData],
+    fit: &Fit,
+    options: &Options,
+    progress: &OnProgress<'_>,
+) -> Result<Fit, FitError> {
+    let values = fit.values();
+    let ctx = Calibrator::new(rig, runs, options, progress, &fit.effects, Some(&values))?;
+    descend(&ctx, &ctx.model(&fit.effects), values, fit.reaches)
 }
 
 /// Moves the variables that the options do not hold a few steps towards their optimum, on a coarse grid and some of the samples: what an eye that
