@@ -13,6 +13,8 @@ pub(crate) mod circumstances;
 pub mod evidence;
 pub mod exchange;
 pub(crate) mod fitter;
+#[cfg(test)]
+mod invariants;
 pub mod limits;
 pub(crate) mod measures;
 pub(crate) mod met;
