@@ -1,6 +1,6 @@
 //! Fits of models that are compared: one place for how far each of them goes.
 
-use crate::diagnose::limits::{MOST_REACHES_NEAR_NOISE, MOST_REACHES_WITH_CAVITIES, START_DOUBTFUL};
+use crate::diagnose::limits::{MOST_REACHES_WITH_CAVITIES, START_DOUBTFUL};
 use crate::diagnose::measures::{over_noise, square};
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
@@ -46,7 +46,7 @@ impl Fitter<'_> {
 
     /// A fit led on to its optimum: until it converges, and with as many more elements of its effect `open` as the evidence supports. Near the noise a model with cavities has a finer grid than before: the grid's error decides between rivals there.
     pub(crate) fn to_its_end(&self, fit: &Fit, open: Option<usize>) -> Result<Fit, FitError> {
-        let most = if self.is_held_back(fit) { MOST_REACHES_NEAR_NOISE } else { MOST_REACHES_WITH_CAVITIES };
+        let most = if self.is_held_back(fit) { usize::MAX } else { MOST_REACHES_WITH_CAVITIES };
         let options = self.bounded(&fit.effects, most);
         let end = match self.is_at_optimum(fit) {
             true => fit.clone(),

@@ -1,7 +1,7 @@
 //! What the records say of every model that the search has met: its evidence over the start model, and its share of the probability.
 
 use crate::diagnose::evidence::{EvidenceScale, probabilities, tempered};
-use crate::diagnose::limits::{LEAST_EVIDENCE, NEGLIGIBLE_EVIDENCE, ODDS_AT_BOUND, PRIOR_ODDS_OF_PAIR};
+use crate::diagnose::limits::{LEAST_EVIDENCE, NEGLIGIBLE_EVIDENCE, ODDS_AT_BOUND, PRIOR_ODDS_OF_NOTHING};
 use crate::diagnose::measures::{evidence_scale, fall, over_noise, square};
 use crate::diagnose::met::Met;
 use crate::diagnose::models::Search;
@@ -107,12 +107,12 @@ fn is_shown(search: &Search, model: &WeighedModel) -> bool {
 }
 
 /// Odds of a model before any fit. Those in favour of an effect do not make up for a fit without evidence. If a record shows the effect by itself, any
-/// improvement will do.
+/// improvement will do. Each effect after the first has the same against it as the first has against nothing.
 fn prior(search: &Search, model: &WeighedModel, evidence: f64) -> f64 {
     let odds: f64 = model.added.iter().map(|c| c.effect.odds(&search.baseline.known)).product();
     let least = if is_shown(search, model) { 0.0 } else { LEAST_EVIDENCE };
     let odds = if evidence < least { odds.min(1.0) } else { odds };
-    odds * PRIOR_ODDS_OF_PAIR.powi(model.added.len().saturating_sub(1) as i32)
+    odds / PRIOR_ODDS_OF_NOTHING.powi(model.added.len().saturating_sub(1) as i32)
 }
 
 /// The evidence for an effect that stands in for another one is evidence for that one.
