@@ -44,7 +44,8 @@ impl Fitter<'_> {
         fit_coarsely(self.rig, self.runs, &effects, self.options)
     }
 
-    /// A fit led on to its optimum: until it converges, and with as many more elements of its effect `open` as the evidence supports. Near the noise a model with cavities has a finer grid than before: the grid's error decides between rivals there.
+    /// A fit led on to its optimum: until it converges, and with as many more elements of its effect `open` as the evidence supports. Near the noise a
+    /// model with cavities has a finer grid than before: the grid's error decides between rivals there.
     pub(crate) fn to_its_end(&self, fit: &Fit, open: Option<usize>) -> Result<Fit, FitError> {
         let most = if self.is_held_back(fit) { usize::MAX } else { MOST_REACHES_WITH_CAVITIES };
         let options = self.bounded(&fit.effects, most);

@@ -1,9 +1,9 @@
 //! The search: models with more effects than the start model, the most promising first.
 //!
-//! A state is a set of effects that the start model lacks. A step adds one effect to a state: the projected residual on the coarse grid forecasts what
-//! each would leave ([`screening`](crate::diagnose::screening)), and those that may win are fitted from there. The search goes on from the best models
-//! of each size, first by these forecasts, then from the signals, and ends where nothing is left that a further effect could be worth. Exchanging an
-//! effect and leaving one out are tried only around the best model, which is compared with its rivals ([`rivals`](crate::diagnose::rivals)).
+//! A state is a set of effects that the start model lacks. The search is one loop. It grows models: the projected residual on the coarse grid forecasts
+//! what each further effect would leave ([`screening`](crate::diagnose::screening)), and those that may win are fitted from there, later also from the
+//! signals. And it compares the best model with its rivals ([`rivals`](crate::diagnose::rivals)), by exchanging effects and leaving them out, until all
+//! that may be claimed is at its optimum. It ends where neither is left to do.
 
 use crate::diagnose::evidence::tempered;
 use crate::diagnose::limits::{INDISTINGUISHABLE, QUIET, START_DOUBTFUL};
