@@ -9,12 +9,14 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::diagnose::circumstances::{circumstances, features};
-use crate::diagnose::limits::{BINS, COARSE_REACHES, LEAD_OF_PERIOD, SINGULAR, UNSEEN_COLUMN};
+use crate::diagnose::limits::{BINS, LEAD_OF_PERIOD, UNSEEN_COLUMN};
 use crate::fit::data::run_data::{RunData, SensorData};
 use crate::fit::numeric::least_squares::{Problem, jacobian};
+use crate::fit::numeric::uncertainty::determined_inverse;
 use crate::fit::outcome::fit::{Fit, FittedParameter};
 use crate::fit::problem::fit_problem::{FitProblem, Window};
 use crate::fit::search::options::Options;
+use crate::fit::search::thresholds::COARSE_REACHES;
 use crate::model::effects::{Chosen, Circumstances};
 use crate::model::{Model, ModelError};
 use crate::product::{along, dot, gram};
@@ -115,11 +117,7 @@ impl<'a> Baseline<'a> {
         let norms: Vec<f64> = products.diagonal().iter().map(|s| s.sqrt()).collect();
         let n = columns.len();
         let normal = DMatrix::from_fn(n, n, |a, b| products[(a, b)] / (norms[a] * norms[b]));
-        // If every parameter is held there is nothing to invert, and the library cannot take an empty matrix.
-        let inverse = match columns.len() {
-            0 => normal,
-            n => normal.pseudo_inverse(SINGULAR).unwrap_or_else(|_| DMatrix::zeros(n, n)),
-        };
+        let (inverse, _) = determined_inverse(normal);
         let inverse = DMatrix::from_fn(n, n, |a, b| inverse[(a, b)] / (norms[a] * norms[b]));
         let columns = columns.iter().map(|c| seen(c, samples, meters)).collect();
         Ok(Baseline {

@@ -1,7 +1,7 @@
 //! Fits of models that are compared: one place for how far each of them goes.
 
-use crate::diagnose::limits::{MOST_REACHES_NEAR_NOISE, MOST_REACHES_WITH_CAVITIES, START_DOUBTFUL};
-use crate::diagnose::measures::over_noise;
+use crate::diagnose::limits::{MOST_REACHES_WITH_CAVITIES, START_DOUBTFUL};
+use crate::diagnose::measures::{over_noise, square};
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
 use crate::fit::problem::error::FitError;
@@ -44,12 +44,18 @@ impl Fitter<'_> {
         fit_coarsely(self.rig, self.runs, &effects, self.options)
     }
 
-    /// A fit on from where it ended, until it converges. Near the noise a model with cavities has a finer grid than before, for it is not to lose by
-    /// the grid's error.
-    pub(crate) fn converged(&self, fit: &Fit) -> Result<Fit, FitError> {
-        let most = if self.is_held_back(fit) { MOST_REACHES_NEAR_NOISE } else { MOST_REACHES_WITH_CAVITIES };
+    /// A fit led on to its optimum: until it converges, and with as many more elements of its effect `open` as the evidence supports. Near the noise a
+    /// model with cavities has a finer grid than before: the grid's error decides between rivals there.
+    pub(crate) fn to_its_end(&self, fit: &Fit, open: Option<usize>) -> Result<Fit, FitError> {
+        let most = if self.is_held_back(fit) { usize::MAX } else { MOST_REACHES_WITH_CAVITIES };
         let options = self.bounded(&fit.effects, most);
-        refine(self.rig, self.runs, &fit.effects, &fit.values(), &options, &self.shown(&fit.effects))
+        let end = match self.is_at_optimum(fit) {
+            true => fit.clone(),
+            false => refine(self.rig, self.runs, &fit.effects, &fit.values(), &options, &self.shown(&fit.effects))?,
+        };
+        // on a finer grid it may leave more, which is nearer to what its model leaves
+        let end = if end.reaches > fit.reaches || square(&end) < square(fit) { end } else { fit.clone() };
+        Ok(open.and_then(|i| self.with_more_elements(&end, i)).unwrap_or(end))
     }
 
     /// A fitted model with as many more elements of its effect `i` as the evidence supports; none where it supports no more.
@@ -60,22 +66,23 @@ impl Fitter<'_> {
         (more.effects != fit.effects).then_some(more)
     }
 
+    /// A fit past the elements of creep that keep it from its optimum; none where it is there, or does not get there.
+    pub(crate) fn pruned(&self, fit: &Fit) -> Option<Fit> {
+        let go_on = || go_on(self.rig, self.runs, fit, self.options, &self.shown(&fit.effects)).ok();
+        if fit.converged { None } else { go_on().filter(|pruned| pruned.converged) }
+    }
+
     /// The model without its effect `i`, briefly fitted.
     pub(crate) fn without(&self, fit: &Fit, i: usize) -> Result<Fit, FitError> {
         without(self.rig, self.runs, fit, i, &self.brief(&fit.effects), &|_| {})
     }
 
-    /// Places elements of creep again, or leaves them out, that have kept an answer from its optimum.
-    pub(crate) fn prune(&self, fit: &mut Fit) {
-        if let Ok(pruned) = go_on(self.rig, self.runs, fit, self.options, &self.shown(&fit.effects))
-            && pruned.converged
-        {
-            *fit = pruned;
-        }
+    fn is_at_optimum(&self, fit: &Fit) -> bool {
+        fit.converged && !self.is_held_back(fit)
     }
 
-    /// Whether a brief fit with cavities stopped on a coarse grid, whose error may decide between rivals so near the noise.
-    pub(crate) fn is_held_back(&self, fit: &Fit) -> bool {
+    /// Whether a fit with cavities stopped on a coarse grid, whose error may decide between rivals so near the noise.
+    fn is_held_back(&self, fit: &Fit) -> bool {
         boils(&fit.effects) && over_noise(fit, self.runs) < START_DOUBTFUL
     }
 

@@ -14,8 +14,6 @@ use crate::fit::numeric::least_squares::Limits;
 
 // ---- The baseline: binned samples on a coarse grid -----------------------------------------------------------------
 
-/// Reaches of the coarse grid, at least. Cost, and tuned: data unknown.
-pub(crate) const COARSE_REACHES: usize = 48;
 /// Bins per sensor into which samples are averaged. Cost, and tuned: data unknown.
 pub(crate) const BINS: usize = 3000;
 /// Binned records begin this share of the period 4L/a before the closure. Tuned: data unknown.
@@ -23,9 +21,6 @@ pub(crate) const LEAD_OF_PERIOD: f64 = 0.1;
 /// Norm of a Jacobian column, in units of the noise, below which the data do not see a parameter: its differences are
 /// rounding. Tuned: data unknown.
 pub(crate) const UNSEEN_COLUMN: f64 = 0.1;
-/// Singular value of the normal matrix of unit columns below which a combination of parameters counts as not seen. Tuned:
-/// data unknown.
-pub(crate) const SINGULAR: f64 = 1e-9;
 /// A record lies on the floor of vapour pressure if one sample in this many does: a single sample may be a dead count.
 /// Tuned: data unknown.
 pub(crate) const FLOOR_SAMPLES: usize = 500;
@@ -51,12 +46,6 @@ pub(crate) const TRY: Limits = Limits { iterations: 6, ..REFINE };
 pub(crate) const STRENGTHS: [f64; 5] = [1.0, 0.1, 0.3, 3.0, 10.0];
 /// Most places at which an effect is tried in all strengths; with more places, one strength has to do. Cost.
 pub(crate) const FEW_PLACES: usize = 12;
-/// Starts of a form that are screened. Cost, and tuned: data unknown.
-pub(crate) const SCREENED_STARTS: usize = 4;
-/// Screened starts of a form that are refined. Cost, and tuned: data unknown.
-pub(crate) const REFINED_STARTS: usize = 2;
-/// Parts of a linear step that are tried when the start model's parameters take up a change. Tuned: data unknown.
-pub(crate) const STEP_PARTS: [f64; 4] = [1.0, 0.3, 0.1, 0.0];
 /// Range of strengths, as multiples of the one that was simulated, over which a linear forecast is trusted. Tuned: data
 /// unknown.
 pub(crate) const FORECAST_RANGE: (f64, f64) = (0.3, 2.0);
@@ -67,11 +56,9 @@ pub(crate) const REFINED_EFFECTS: usize = 6;
 
 /// Most candidates that each stage fits to all samples on the fine grid. Cost, and tuned: data unknown.
 pub(crate) const FULL_FITS: usize = 3;
-/// Finest grid of a fit with cavities, in reaches: the spikes of their collapse belong to the grid. Literature: Bergant,
+/// Finest grid of a fit with cavities, in reaches, except near the noise: the spikes of their collapse belong to the grid. Literature: Bergant,
 /// Simpson & Tijsseling (2006) for the fact; the number is tuned: data unknown.
 pub(crate) const MOST_REACHES_WITH_CAVITIES: usize = 128;
-/// The same near the noise, where the grid's error decides between rivals. Cost, and chosen after two gases that were taken for air pockets.
-pub(crate) const MOST_REACHES_NEAR_NOISE: usize = 512;
 /// A candidate that leaves this many times the best candidate's square gets no full fit. Cost, and tuned: data unknown.
 pub(crate) const NO_FULL_FIT_ABOVE: f64 = 4.0;
 /// A candidate that leaves less than this many times the best candidate's square is fitted until it converges. Cost, and
@@ -92,8 +79,6 @@ pub(crate) const TEMPERATURE: f64 = 4.0;
 /// Odds, before any data, that nothing is missing against any one effect. Derived: nothing is as probable as that one of
 /// the sixteen effects of the catalogue is missing.
 pub(crate) const PRIOR_ODDS_OF_NOTHING: f64 = 16.0;
-/// Odds, before any data, of two given effects against one of them. Derived: those of the second against nothing.
-pub(crate) const PRIOR_ODDS_OF_PAIR: f64 = 1.0 / PRIOR_ODDS_OF_NOTHING;
 /// Least evidence for an effect to be worth having: the largest of sixteen searches by chance stays below. Derived in
 /// principle; no calculation of the number is left.
 pub(crate) const LEAST_EVIDENCE: f64 = 12.0;
@@ -114,8 +99,8 @@ pub(crate) const LEAST_FORECAST: f64 = 0.2;
 pub(crate) const ODDS_AT_BOUND: f64 = 0.04;
 /// Evidence that an effect has at most if it is not worth a model. Tuned: data unknown.
 pub const NEGLIGIBLE_EVIDENCE: f64 = -16.0;
-/// Difference of tempered evidence within which two effects cannot be told apart: a Bayes factor of twenty. Literature:
-/// Kass & Raftery (1995).
+/// Difference of tempered evidence within which two models cannot be told apart, by the records or by a test: a Bayes factor of twenty. Literature:
+/// Kass & Raftery (1995), "strong".
 pub(crate) const INDISTINGUISHABLE: f64 = 3.0;
 
 // ---- Verdict -------------------------------------------------------------------------------------------------------
@@ -142,8 +127,6 @@ pub(crate) const RIG_FILE_IS_WRONG: f64 = 0.99;
 
 // ---- Residual patterns and warnings --------------------------------------------------------------------------------
 
-/// Error over noise of a sensor above which its residual is described. Tuned: data unknown.
-pub(crate) const DESCRIBED_OVER_NOISE: f64 = 1.2;
 /// Mean error of a sensor's peaks or troughs, over its noise, above which it is described. Tuned: data unknown.
 pub(crate) const DESCRIBED_EXTREMA: f64 = 2.0;
 /// Standard errors by which the model's lateness stands out from the scatter of the extrema. Chosen.
@@ -155,8 +138,6 @@ pub(crate) const NOT_FITTED: f64 = 0.5;
 
 // ---- The next test -------------------------------------------------------------------------------------------------
 
-/// Odds between two answers at which a test has told them apart. Literature: Kass & Raftery (1995), "strong".
-pub(crate) const WANTED_ODDS: f64 = 20.0;
 /// Most repeats of a test that are proposed. A choice.
 pub(crate) const MOST_REPEATS: f64 = 20.0;
 /// Tests that are looked at more closely. Cost.
@@ -167,13 +148,9 @@ pub(crate) const DRAWS: u32 = 3;
 pub(crate) const DESIGN: Limits = Limits { iterations: 20, cost_tolerance: 3e-3, step_tolerance: 1e-6, thorough: true };
 /// Most tests that are named. A choice of presentation.
 pub(crate) const NAMED_TESTS: usize = 2;
-/// Least ratio of the two models' creep for a creep test of the wall to tell them apart. Tuned: data unknown.
-pub(crate) const CREEP_RATIO: f64 = 1.2;
-/// Velocities and closing times within this share are the same test. A choice.
+/// Velocities, closing times and compliances within this share are the same to a test. A choice.
 pub(crate) const SAME_SHARE: f64 = 0.2;
 /// Heads within this are the same test, m. A choice.
 pub(crate) const SAME_HEAD_M: f64 = 5.0;
 /// Sensors within this share of the length stand at the same place. A choice.
 pub(crate) const SAME_PLACE: f64 = 0.1;
-/// A sensor within this share of the length stands at the valve. A choice.
-pub(crate) const AT_THE_VALVE: f64 = 0.01;

@@ -60,9 +60,11 @@ pub(crate) fn error_of_effects(taken: f64) -> f64 {
     ERROR_OF_EFFECT.powi(2) * taken.max(0.0)
 }
 
-/// What a fit would leave if it went on to the optimum that its linearised problem predicts.
+/// What a fit would leave at the optimum that its linearised problem predicts, without the error of its grid.
 pub(crate) fn square_at_optimum(fit: &Fit) -> f64 {
-    square(fit) * (1.0 - fit.predicted_reduction / fit.samples().max(1) as f64)
+    let sensors = fit.runs.iter().flat_map(|r| &r.sensors);
+    let of_grid: f64 = sensors.map(|s| s.time_s.len() as f64 * (fit.grid_error_m / s.white_noise_m).powi(2)).sum();
+    (square(fit) * (1.0 - fit.predicted_reduction / fit.samples().max(1) as f64) - of_grid).max(0.0)
 }
 
 /// The scale of evidence that the residuals of a fit set.

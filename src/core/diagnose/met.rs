@@ -1,6 +1,7 @@
 //! A model that the search has met: what it adds to the start model, how well it is fitted, and where a fit of it may begin.
 
-use crate::diagnose::measures::square;
+use crate::diagnose::measures::{square, square_at_optimum};
+use crate::fit::inference::thresholds::OPTIMUM_REDUCTION;
 use crate::fit::outcome::fit::Fit;
 use crate::model::effects::Chosen;
 
@@ -10,15 +11,17 @@ pub(crate) type Key = Vec<&'static str>;
 /// See the module.
 pub(crate) struct Met {
     pub(crate) key: Key,
-    /// The best that is known of it without a fit to all samples: a forecast.
+    /// Where a fit of it may begin. It goes when a fit has begun there.
     pub(crate) forecast: Option<Forecast>,
     pub(crate) fit: Option<Fit>,
     /// It was fitted from the signals.
     pub(crate) is_from_signals: bool,
-    /// It was fitted on until it converged, or cannot be.
-    pub(crate) is_converged: bool,
-    /// The other effects were tried in the place of each of its own.
-    pub(crate) is_contested: bool,
+    /// The fit is at its optimum, on as fine a grid as it takes; or no descent leads on from it.
+    pub(crate) is_at_end: bool,
+    /// The best model from whose end it was fitted on last, and what that left.
+    pub(crate) fitted_from: Option<(Key, f64)>,
+    /// What the fit left when the models around it were looked at.
+    pub(crate) looked_around: Option<f64>,
 }
 
 /// Where a fit of a model may begin, and what it promises to leave.
@@ -31,19 +34,31 @@ pub(crate) struct Forecast {
     pub(crate) square: f64,
     /// Evidence for it over the model that it was grown from, on the coarse grid.
     pub(crate) evidence: f64,
-    /// A fit was begun there.
-    pub(crate) is_tried: bool,
 }
 
 impl Met {
     pub(crate) fn new(key: Key) -> Self {
-        Met { key, forecast: None, fit: None, is_from_signals: false, is_converged: false, is_contested: false }
+        Met {
+            key,
+            forecast: None,
+            fit: None,
+            is_from_signals: false,
+            is_at_end: false,
+            fitted_from: None,
+            looked_around: None,
+        }
     }
 
     /// Sum over all samples of (residual / noise)², of the fit or as forecast.
     pub(crate) fn square(&self) -> f64 {
         let forecast = self.forecast.as_ref().map_or(f64::INFINITY, |f| f.square);
         self.fit.as_ref().map_or(forecast, square)
+    }
+
+    /// The same at its optimum, without the error of its grid.
+    pub(crate) fn promise(&self) -> f64 {
+        let fit = self.fit.as_ref().filter(|_| !self.is_at_end);
+        fit.map_or_else(|| self.square(), square_at_optimum)
     }
 
     /// Its effects, in the form of the fit or of the forecast.
@@ -58,11 +73,11 @@ impl Met {
         self.fit.as_ref().map(|fit| (&fit.effects[..], fit.values())).or_else(forecast)
     }
 
-    /// Keeps a fit if it is better than the one so far.
+    /// Keeps a fit if it leaves less than the one so far, by more than two fits differ that are at one optimum.
     pub(crate) fn take(&mut self, fit: Fit) {
-        if self.fit.as_ref().is_none_or(|known| square(&fit) < square(known)) {
-            self.is_converged = false;
-            self.is_contested = false;
+        let same = |known: &Fit| OPTIMUM_REDUCTION * square(known) / known.samples().max(1) as f64;
+        if self.fit.as_ref().is_none_or(|known| square(&fit) < square(known) - same(known)) {
+            self.is_at_end = false;
             self.fit = Some(fit);
         }
     }

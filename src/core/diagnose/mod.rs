@@ -13,6 +13,8 @@ pub(crate) mod circumstances;
 pub mod evidence;
 pub mod exchange;
 pub(crate) mod fitter;
+#[cfg(test)]
+mod invariants;
 pub mod limits;
 pub(crate) mod measures;
 pub(crate) mod met;
@@ -37,7 +39,7 @@ use crate::diagnose::candidate::{Form, forms_of, left_out};
 use crate::diagnose::fitter::Fitter;
 pub use crate::diagnose::limits::NEGLIGIBLE_EVIDENCE;
 use crate::diagnose::limits::{
-    AS_FAST, INDISTINGUISHABLE, LEAST_EVIDENCE, MOST_MISSING, RIG_FILE_IS_WRONG, UNEXPLAINED_OVER_NOISE, WANTED_ODDS,
+    AS_FAST, INDISTINGUISHABLE, LEAST_EVIDENCE, MOST_MISSING, RIG_FILE_IS_WRONG, UNEXPLAINED_OVER_NOISE,
 };
 use crate::diagnose::measures::{evidence_scale, over_noise, square};
 use crate::diagnose::models::Search;
@@ -109,7 +111,6 @@ fn diagnose_start(
     let fitter = Fitter { rig, runs, asked: effects, options, progress };
     let mut search = Search::new(fitter, &start, from, &baseline, grown);
     search.run(MOST_MISSING);
-    search.finish_best();
     let weighed = weigh(&search);
     let mut candidates = candidates(&search, &weighed);
     let shown = weighed.models.first().is_some_and(|m| m.is_shown && m.evidence > 0.0);
@@ -217,7 +218,7 @@ fn pairs(search: &Search, weighed: &Weighed) -> (Option<Pair>, Vec<RivalPair>) {
         return (None, Vec::new());
     }
     let labels = |m: &WeighedModel| [0, 1].map(|i| m.added[i].label());
-    let rivals = all.filter(|m| m.share > best.share / WANTED_ODDS).map(|m| RivalPair {
+    let rivals = all.filter(|m| best.log_odds() - m.log_odds() < INDISTINGUISHABLE).map(|m| RivalPair {
         labels: labels(m),
         probability: m.share,
         over_noise: over_noise_of(m.met, search),

@@ -3,7 +3,7 @@
 use crate::diagnose::baseline::Baseline;
 use crate::diagnose::candidate::{Form, base_name};
 use crate::diagnose::fitter::Fitter;
-use crate::diagnose::measures::{error_of_effects, least_fall, over_noise};
+use crate::diagnose::measures::{error_of_effects, least_fall, over_noise, square};
 use crate::diagnose::met::{Key, Met};
 use crate::fit::outcome::fit::Fit;
 use crate::model::effects::Chosen;
@@ -51,9 +51,19 @@ impl<'a> Search<'a> {
         self.met.iter().find(|m| m.key == key)
     }
 
-    pub(crate) fn get_mut(&mut self, key: &[&'static str]) -> &mut Met {
-        let place = self.place(key);
-        &mut self.met[place]
+    /// Keeps a fit where it leaves less than what is known of its model. A model that is at its end gives way to another end alone, on the same grid.
+    pub(crate) fn take(&mut self, fit: Fit) {
+        let key = self.key(&fit.effects);
+        if key.is_empty() {
+            return;
+        }
+        let place = self.place(&key);
+        let is_coarser = self.met[place].fit.as_ref().is_some_and(|known| fit.reaches < known.reaches);
+        let fit = match self.met[place].is_at_end && is_coarser && square(&fit) < self.met[place].square() {
+            true => self.fitter.to_its_end(&fit, None).unwrap_or(fit),
+            false => fit,
+        };
+        self.met[place].take(fit);
     }
 
     /// Where a model stands in the list; at its end where it is new.

@@ -37,7 +37,7 @@ pub fn without_needless(
         let own = model.parameters_of(i);
         let mut smaller = fitter.without(fit, i).ok()?;
         if square(&smaller) < NO_FULL_FIT_ABOVE * square(fit) {
-            smaller = fitter.converged(&smaller).ok().filter(|on| square(on) < square(&smaller)).unwrap_or(smaller);
+            smaller = fitter.to_its_end(&smaller, None).unwrap_or(smaller);
         }
         let evidence = scale.evidence(square(&smaller), square(fit), own.len());
         let size: Vec<f64> = fit.values()[own].to_vec();

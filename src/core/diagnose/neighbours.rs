@@ -5,9 +5,7 @@ use rayon::prelude::*;
 use crate::diagnose::baseline::Baseline;
 use crate::diagnose::candidate::{Form, base_name, reason_apart};
 use crate::diagnose::evidence::{EvidenceScale, tempered};
-use crate::diagnose::limits::{
-    FULL_FITS, INDISTINGUISHABLE, LEAST_EVIDENCE, LEAST_FORECAST, NEGLIGIBLE_EVIDENCE, NO_FULL_FIT_ABOVE,
-};
+use crate::diagnose::limits::{FULL_FITS, INDISTINGUISHABLE, LEAST_EVIDENCE, LEAST_FORECAST, NO_FULL_FIT_ABOVE};
 use crate::diagnose::measures::{beyond, fall, square};
 use crate::diagnose::met::{Forecast, Key, Met};
 use crate::diagnose::models::Search;
@@ -16,17 +14,18 @@ use crate::fit::outcome::fit::Fit;
 use crate::model::effects::{Chosen, SHOWN};
 
 impl Search<'_> {
-    /// Forecasts what each effect would leave beside a fitted model, or in the place of its effect `gone`.
-    pub(crate) fn expand(&mut self, fit: &Fit, gone: Option<usize>) {
+    /// Forecasts what each effect would leave beside a fitted model, or in the place of its effect `gone`. Returns the models that may be better than
+    /// what is known of them.
+    pub(crate) fn expand(&mut self, fit: &Fit, gone: Option<usize>) -> Vec<usize> {
         let fitter = &self.fitter;
         let baseline = match gone {
             None => Baseline::new(fitter.rig, fitter.runs, fit, fitter.options),
             Some(i) => Baseline::without(fitter.rig, fitter.runs, fit, i, fitter.options),
         };
-        let Ok(baseline) = baseline else { return };
+        let Ok(baseline) = baseline else { return Vec::new() };
         let found =
             if gone.is_none() { refits(&baseline, fitter.progress) } else { screened(&baseline, fitter.progress) };
-        let Some(closest) = found.iter().min_by(|a, b| a.square.total_cmp(&b.square)) else { return };
+        let Some(closest) = found.iter().min_by(|a, b| a.square.total_cmp(&b.square)) else { return Vec::new() };
         let scale = EvidenceScale::of(&closest.residuals[..baseline.samples], baseline.features());
         let best = best_forms(&found, |r| scale.evidence(baseline.square, r.square, r.added));
         // what the fit leaves is known of the fit itself: of the model as it is, or with the effect that is gone put back
@@ -37,7 +36,7 @@ impl Search<'_> {
                 best.iter().find(|(_, r)| r.form.effect == own).map(|(_, r)| baseline.mean_square(&r.residuals))
             }
         };
-        let Some(reference) = reference else { return };
+        let Some(reference) = reference else { return Vec::new() };
         let of_fit = square(fit) / reference;
         let forecasts: Vec<Forecast> = best
             .into_iter()
@@ -47,45 +46,42 @@ impl Search<'_> {
                 values: r.values.clone(),
                 square: of_fit * baseline.mean_square(&r.residuals),
                 evidence,
-                is_tried: false,
             })
             .collect();
-        forecasts.into_iter().for_each(|f| self.meet(f));
+        forecasts.into_iter().filter_map(|f| self.meet(f)).collect()
     }
 
-    /// Keeps a forecast that promises more than what is known.
-    fn meet(&mut self, forecast: Forecast) {
-        let key = self.key(&forecast.effects);
-        let met = self.get_mut(&key);
-        let known = met.forecast.as_ref().is_some_and(|f| !f.is_tried && f.square <= forecast.square);
-        let fitted = met.fit.as_ref().is_some_and(|fit| square(fit) <= forecast.square);
-        if !known && !fitted {
-            met.forecast = Some(forecast);
+    /// Keeps a forecast that promises more than what is known of its model, and returns where that stands.
+    fn meet(&mut self, forecast: Forecast) -> Option<usize> {
+        let place = self.place(&self.key(&forecast.effects));
+        let met = &mut self.met[place];
+        let known = met.forecast.iter().map(|f| f.square).chain(met.fit.iter().map(square));
+        if known.fold(f64::INFINITY, f64::min) <= forecast.square {
+            return None;
         }
+        met.forecast = Some(forecast);
+        Some(place)
     }
 
-    /// Fits the models of a size whose forecasts promise most.
-    pub(crate) fn fit_leading(&mut self, size: usize) {
-        let untried = self.met.iter().enumerate().filter(|(_, m)| m.key.len() == size);
+    /// Fits those of some models whose forecasts, of one origin, promise most.
+    pub(crate) fn fit_leading(&mut self, which: &[usize]) {
         let mut order: Vec<(usize, &Forecast)> =
-            untried.filter_map(|(i, m)| Some((i, m.forecast.as_ref().filter(|f| !f.is_tried)?))).collect();
+            which.iter().filter_map(|&i| Some((i, self.met[i].forecast.as_ref()?))).collect();
         order.sort_by(|a, b| a.1.square.total_cmp(&b.1.square));
         let most = NO_FULL_FIT_ABOVE * self.met.iter().map(Met::square).fold(f64::INFINITY, f64::min);
         let least = LEAST_FORECAST * self.least_fall;
         let start = square(self.start);
         let best = order.first().map_or(0.0, |(_, f)| f.evidence);
-        let may_win = |(rank, (_, f)): &(usize, (usize, &Forecast))| {
+        let may_win = |(_, f): &(usize, &Forecast)| {
             let evident = f.evidence > LEAST_EVIDENCE || tempered(best - f.evidence) < INDISTINGUISHABLE;
-            let evident = if *rank == 0 { f.evidence > NEGLIGIBLE_EVIDENCE } else { evident };
             evident && f.square < most && fall(self.start, self.fitter.runs, start, f.square) > least
         };
-        let leading: Vec<usize> =
-            order.into_iter().take(FULL_FITS).enumerate().filter(may_win).map(|(_, (i, _))| i).collect();
+        let leading: Vec<usize> = order.into_iter().filter(may_win).take(FULL_FITS).map(|(i, _)| i).collect();
         self.fit_forecasts(&leading);
     }
 
     /// Fits models from where their forecasts say.
-    fn fit_forecasts(&mut self, which: &[usize]) {
+    pub(crate) fn fit_forecasts(&mut self, which: &[usize]) {
         let this = &*self;
         let fits: Vec<(usize, Option<Fit>, bool)> = which
             .par_iter()
@@ -102,13 +98,10 @@ impl Search<'_> {
             })
             .collect();
         for (i, fit, from_signals) in fits {
-            let met = &mut self.met[i];
-            met.is_from_signals |= from_signals;
-            if let Some(f) = &mut met.forecast {
-                f.is_tried = true;
-            }
+            self.met[i].is_from_signals |= from_signals;
+            self.met[i].forecast = None;
             if let Some(fit) = fit {
-                met.take(fit);
+                self.take(fit);
             }
         }
     }
@@ -132,7 +125,7 @@ impl Search<'_> {
         for (i, fit) in fits {
             self.met[i].is_from_signals = true;
             if let Some(fit) = fit {
-                self.met[i].take(fit);
+                self.take(fit);
             }
         }
     }
@@ -150,13 +143,7 @@ impl Search<'_> {
                 let added: Vec<Chosen> = of_state.iter().chain([&form.chosen]).cloned().collect();
                 let fit = self.fitter.coarse(root, &added).ok()?;
                 let square = fit.mean_square * self.start.samples() as f64;
-                Some(Forecast {
-                    effects: fit.effects,
-                    values: fit.values,
-                    square,
-                    evidence: f64::INFINITY,
-                    is_tried: false,
-                })
+                Some(Forecast { effects: fit.effects, values: fit.values, square, evidence: f64::INFINITY })
             })
             .collect();
         coarse.sort_by(|a, b| a.square.total_cmp(&b.square));
@@ -179,10 +166,9 @@ impl Search<'_> {
         let fitter = &self.fitter;
         let fixed = fitter.asked.iter().position(|c| c.elements.is_some());
         if let Some(fit) = fixed.and_then(|i| fitter.with_more_elements(self.start, i)) {
-            let key = self.key(&fit.effects);
-            let met = self.get_mut(&key);
-            met.is_from_signals = true;
-            met.take(fit);
+            let place = self.place(&self.key(&fit.effects));
+            self.met[place].is_from_signals = true;
+            self.take(fit);
         }
     }
 
@@ -199,7 +185,7 @@ impl Search<'_> {
         }
         let added = self.effects_of(&self.met[i].key).unwrap_or_default();
         if let Ok(fit) = self.fitter.anew(&added) {
-            self.met[i].take(fit);
+            self.take(fit);
         }
         self.met[i].is_from_signals = true;
     }

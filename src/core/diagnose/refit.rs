@@ -6,11 +6,10 @@
 
 use crate::diagnose::baseline::Baseline;
 use crate::diagnose::candidate::Form;
-use crate::diagnose::limits::{
-    FEW_PLACES, FORECAST_RANGE, REFINE, REFINED_STARTS, SCREEN, SCREENED_STARTS, STEP_PARTS, STRENGTHS, TRY,
-};
+use crate::diagnose::limits::{FEW_PLACES, FORECAST_RANGE, REFINE, SCREEN, STRENGTHS, TRY};
 use crate::fit::numeric::least_squares::{Problem, Solution, have_met, minimise};
 use crate::fit::problem::fit_problem::FitProblem;
+use crate::fit::search::thresholds::{FOLLOWED, MAX_RELEASED, STEP_SHARES};
 use crate::model::effects::Chosen;
 use crate::model::parameter::{Parameter, Scale};
 use crate::model::{Model, ModelError};
@@ -46,7 +45,7 @@ pub fn screen(baseline: &Baseline, form: &Form) -> Result<Refit, ModelError> {
     let added = Added::new(baseline, &problem, &model);
     let mut failure = None;
     let mut screened: Vec<Solution> = Vec::new();
-    for start in promising(baseline, &model, &problem, &form.chosen)?.iter().take(SCREENED_STARTS) {
+    for start in promising(baseline, &model, &problem, &form.chosen)?.iter().take(MAX_RELEASED) {
         match minimise(&added, &problem.variables(&baseline.values_with(start))[added.range()], SCREEN, |_, _| {}) {
             Ok(solution) => screened.push(solution),
             Err(error) => failure = Some(error),
@@ -56,7 +55,7 @@ pub fn screen(baseline: &Baseline, form: &Form) -> Result<Refit, ModelError> {
     let Some(best) = screened.first() else { return Err(failure.unwrap_or_else(|| no_start(form))) };
     let mut all = Vec::new();
     let met = |s: &&Solution| have_met(&best.residuals, &s.residuals, SCREEN.cost_tolerance * best.cost);
-    for solution in std::iter::once(best).chain(screened[1..].iter().take(REFINED_STARTS - 1).filter(|s| !met(s))) {
+    for solution in std::iter::once(best).chain(screened[1..].iter().take(FOLLOWED - 1).filter(|s| !met(s))) {
         all.push(added.whole(&solution.x)?);
     }
     Ok(Refit {
@@ -119,12 +118,12 @@ impl<'g> Added<'g> {
         let (lower, upper) = self.problem.bounds();
         let still = self.with(added);
         let moved = self.baseline.moved(&still, &self.seen(added)?);
-        let on_the_way = STEP_PARTS.map(|part| {
+        let on_the_way = STEP_SHARES.iter().chain(&[0.0]).map(|part| {
             let between = still.iter().zip(&moved).zip(lower.iter().zip(upper));
             between.map(|((s, m), (l, u))| (s + part * (m - s)).clamp(*l, *u)).collect::<Vec<f64>>()
         });
         let square = |x: &Vec<f64>| self.problem.residuals(x).map_or(f64::INFINITY, |r| dot(&r, &r));
-        let best = on_the_way.into_iter().map(|x| (square(&x), x)).min_by(|a, b| a.0.total_cmp(&b.0));
+        let best = on_the_way.map(|x| (square(&x), x)).min_by(|a, b| a.0.total_cmp(&b.0));
         Ok(best.map_or(still, |(_, x)| x))
     }
 }

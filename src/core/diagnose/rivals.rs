@@ -1,74 +1,129 @@
-//! Rivals: models of one size that come near the best one are fitted on before they are compared with it.
+//! Rivals: nothing is claimed as long as a model that may be more probable is not at its optimum.
 
 use rayon::prelude::*;
 
-use crate::diagnose::limits::CONVERGE_BELOW;
-use crate::diagnose::measures::{square, square_at_optimum};
-use crate::diagnose::met::Key;
+use crate::diagnose::limits::{CONVERGE_BELOW, INDISTINGUISHABLE, PRIOR_ODDS_OF_NOTHING};
+use crate::diagnose::measures::square;
+use crate::diagnose::met::Met;
 use crate::diagnose::models::Search;
+use crate::diagnose::weigh::weigh;
 use crate::fit::outcome::fit::Fit;
 use crate::model::Model;
 use crate::model::effects::Chosen;
 
+/// What is to be done before the best model is claimed.
+pub(crate) enum Comparison {
+    /// The forecasts of these models promise as much: they are fitted.
+    Begin(Vec<usize>),
+    /// These models are fitted on to their optima.
+    Settle(Vec<usize>),
+    /// Other effects are tried in the place of each one of the best model, and it is fitted without each.
+    LookAround(usize),
+    /// These models leave nearly as little as the best one and are fitted on from where that ended.
+    FitFrom(usize, Vec<usize>),
+}
+
 impl Search<'_> {
-    /// Compares rivals at their optima: the best model is fitted until it converges, the other effects are tried in the place of each of its own, and
-    /// whoever comes near it is fitted on from where it ended.
-    pub(crate) fn contest(&mut self) {
-        loop {
-            let Some(best) = self.leader().map(|m| m.key.clone()) else { return };
-            self.converge(&best);
-            let met = self.get_mut(&best);
-            if std::mem::replace(&mut met.is_contested, true) {
-                return;
+    /// The next comparison: of the best model, then of its rivals within reach. None where all that may be claimed is at its optimum.
+    pub(crate) fn comparison(&self) -> Option<Comparison> {
+        let weighed = weigh(self);
+        let place = |met: &Met| self.met.iter().position(|m| m.key == met.key).unwrap_or_default();
+        let nothing = PRIOR_ODDS_OF_NOTHING.ln();
+        let best = weighed.models.iter().find(|m| m.met.fit.is_some()).filter(|m| m.log_odds() > nothing);
+        if let Some(best) = best {
+            let end = (best.met.key.clone(), best.met.square());
+            if !best.met.is_at_end {
+                return Some(Comparison::Settle(vec![place(best.met)]));
             }
-            let Some(winner) = met.fit.clone() else { return };
-            for i in self.added(&winner.effects) {
-                // One that may be anywhere imitates others; one that leaves much may stand in for another.
-                if winner.effects[i].effect.on_pipe() || !self.is_quiet(best.len()) {
-                    self.expand(&winner, Some(i));
-                    self.fit_leading(best.len());
-                }
+            if best.met.looked_around != Some(end.1) {
+                return Some(Comparison::LookAround(place(best.met)));
             }
-            self.rivals(&winner, &best);
-            self.without_one(&winner);
-            if self.leader().is_some_and(|m| m.key == best) {
-                return;
+            let is_near = |m: &&Met| {
+                let alike = m.fit.is_some() && m.key.len() == best.met.key.len() && m.square() < CONVERGE_BELOW * end.1;
+                alike && !m.is_at_end && m.fitted_from.as_ref() != Some(&end)
+            };
+            let near: Vec<usize> = self.met.iter().filter(is_near).map(place).collect();
+            if !near.is_empty() {
+                return Some(Comparison::FitFrom(place(best.met), near));
             }
+        }
+        let claimed = best.map_or(nothing, |best| best.log_odds());
+        let within_reach = weighed.models.iter().filter(|m| m.promised_log_odds > claimed - INDISTINGUISHABLE);
+        let (begun, new): (Vec<&Met>, Vec<&Met>) = within_reach.map(|m| m.met).partition(|m| m.fit.is_some());
+        let unsettled: Vec<usize> = begun.into_iter().filter(|m| !m.is_at_end).map(place).collect();
+        match (new.is_empty(), unsettled.is_empty()) {
+            (false, _) => Some(Comparison::Begin(new.into_iter().map(place).collect())),
+            (true, false) => Some(Comparison::Settle(unsettled)),
+            (true, true) => None,
         }
     }
 
-    /// Fits on the rivals of a model from where that ended, and until they converge where they may leave less.
-    fn rivals(&mut self, winner: &Fit, own: &Key) {
-        let near = CONVERGE_BELOW * square(winner);
-        let rivals: Vec<usize> = (0..self.met.len())
-            .filter(|&i| self.met[i].key != *own && self.met[i].key.len() == own.len() && self.met[i].fit.is_some())
-            .filter(|&i| self.met[i].square() < near && !self.met[i].is_converged)
-            .collect();
+    pub(crate) fn compare(&mut self, comparison: Comparison) {
+        match comparison {
+            Comparison::Begin(which) => self.fit_forecasts(&which),
+            Comparison::Settle(which) => self.settle(&which),
+            Comparison::LookAround(best) => self.look_around(best),
+            Comparison::FitFrom(best, which) => self.fit_from(best, &which),
+        }
+    }
+
+    /// Leads models on to their optima. Elements of creep whose number is open grow, those of the start model only where room is left: a further effect
+    /// would make up for missing ones.
+    pub(crate) fn settle(&mut self, which: &[usize]) {
         let this = &*self;
-        let fits: Vec<(usize, Vec<Fit>)> = rivals
+        let ends: Vec<(usize, Option<Fit>)> = which
             .par_iter()
             .map(|&i| {
-                let mut fits = Vec::new();
-                let Some((effects, values)) = this.met[i].model() else { return (i, fits) };
-                let moved = this.transplanted(winner, effects, &values);
-                fits.extend(this.fitter.on_from(effects, &moved).ok());
-                let better =
-                    fits.first().filter(|f| square(f) < this.met[i].square()).or(this.met[i].fit.as_ref()).cloned();
-                if let Some(better) = better {
-                    let may_win = square_at_optimum(&better) < square(winner) || this.fitter.is_held_back(&better);
-                    if may_win && (!better.converged || this.fitter.is_held_back(&better)) {
-                        fits.extend(this.fitter.converged(&better).ok());
-                    }
-                }
-                (i, fits)
+                let end = this.met[i].fit.as_ref().and_then(|fit| this.fitter.to_its_end(fit, this.open(fit)).ok());
+                (i, end)
             })
             .collect();
-        for (i, fits) in fits {
-            for fit in fits {
-                self.met[i].take(fit);
-            }
-            self.met[i].is_converged = true;
+        for (i, end) in ends {
+            self.met[i].fit = end.or(self.met[i].fit.take());
+            self.met[i].is_at_end = true;
         }
+    }
+
+    /// The effect of a model whose elements may grow.
+    fn open(&self, fit: &Fit) -> Option<usize> {
+        let (added, room) = (self.added(&fit.effects), self.leaves_room(fit));
+        let is_fixed =
+            |c: &Chosen| self.fitter.asked.iter().any(|a| a.elements.is_some() && a.effect.name() == c.effect.name());
+        (0..fit.effects.len()).find(|i| {
+            let c = &fit.effects[*i];
+            c.elements.is_some() && !is_fixed(c) && (room || added.contains(i))
+        })
+    }
+
+    /// Tries the other effects in the place of each one that the best model adds. One that may be anywhere imitates others; one that leaves much may
+    /// stand in for another.
+    fn look_around(&mut self, best: usize) {
+        let Some(winner) = self.met[best].fit.clone() else { return };
+        self.met[best].looked_around = Some(square(&winner));
+        for i in self.added(&winner.effects) {
+            if winner.effects[i].effect.on_pipe() || !self.is_quiet(self.met[best].key.len()) {
+                let forecast = self.expand(&winner, Some(i));
+                self.fit_leading(&forecast);
+            }
+        }
+        self.without_one(&winner);
+    }
+
+    /// Fits models briefly on from where the best one ended.
+    fn fit_from(&mut self, best: usize, which: &[usize]) {
+        let Some(winner) = self.met[best].fit.clone() else { return };
+        let this = &*self;
+        let fits: Vec<Fit> = which
+            .par_iter()
+            .filter_map(|&i| {
+                let (effects, values) = this.met[i].model()?;
+                this.fitter.on_from(effects, &this.transplanted(&winner, effects, &values)).ok()
+            })
+            .collect();
+        for &i in which {
+            self.met[i].fitted_from = Some((self.met[best].key.clone(), square(&winner)));
+        }
+        fits.into_iter().for_each(|fit| self.take(fit));
     }
 
     /// The model without each of its added effects, from where the rest stands: beside the other one an effect may have got where it explains the
@@ -80,10 +135,7 @@ impl Search<'_> {
         }
         let fitter = &self.fitter;
         let fits: Vec<Fit> = added.par_iter().filter_map(|&i| fitter.without(winner, i).ok()).collect();
-        for fit in fits {
-            let key = self.key(&fit.effects);
-            self.get_mut(&key).take(fit);
-        }
+        fits.into_iter().for_each(|fit| self.take(fit));
     }
 
     /// Values of a model with `effects`: those of the winner where it has the same effect, else its own.
@@ -101,19 +153,6 @@ impl Search<'_> {
         }
         values.extend(&from[theirs.shared.len()..]);
         values
-    }
-
-    /// Fits a model on until it converges, on as fine a grid as it takes.
-    pub(crate) fn converge(&mut self, key: &Key) {
-        let Some(met) = self.get(key) else { return };
-        let Some(fit) = met.fit.as_ref().filter(|_| !met.is_converged) else { return };
-        let at_end = fit.converged && !self.fitter.is_held_back(fit);
-        let on = if at_end { None } else { self.fitter.converged(fit).ok() };
-        let met = self.get_mut(key);
-        if let Some(on) = on {
-            met.take(on);
-        }
-        met.is_converged = true;
     }
 }
 
@@ -137,8 +176,10 @@ mod tests {
             values.splice(1..1, [0.98 * rig.length_m(), 3.0]);
             let leak = refine(&rig, &runs, &parse_list("leak").unwrap(), &values, &options, &|_| {}).unwrap();
             assert!(leak.parameter("leak_position_m").unwrap().at_bound);
-            search.get_mut(&["leak"]).take(leak);
-            search.contest();
+            search.take(leak);
+            while let Some(comparison) = search.comparison() {
+                search.compare(comparison);
+            }
             let [leak, seat] = ["leak", "valve-seat-leak"].map(|name| search.get(&[name]).unwrap());
             let found = seat.fit.as_ref().unwrap();
             assert!(over_noise(found, &runs) < 1.05 && seat.square() < leak.square());
@@ -159,8 +200,9 @@ mod tests {
                 let begun = calibrate(&rig, &runs, &parse_list(name).unwrap(), &coarse, &|_| {}).unwrap();
                 assert!(begun.converged && begun.reaches < 200 && over_noise(&begun, &runs) < 2.0, "{name}");
                 let from = begun.reaches;
-                search.get_mut(&[name]).take(begun);
-                search.converge(&vec![name]);
+                search.take(begun);
+                let place = search.place(&[name]);
+                search.settle(&[place]);
                 let reaches = search.get(&[name]).unwrap().fit.as_ref().unwrap().reaches;
                 assert_eq!(reaches > from, finer, "{name}: {reaches}");
             }

@@ -1,20 +1,17 @@
 //! The search: models with more effects than the start model, the most promising first.
 //!
-//! A state is a set of effects that the start model lacks. A step adds one effect to a state: the projected residual on the coarse grid forecasts what
-//! each would leave ([`screening`](crate::diagnose::screening)), and those that may win are fitted from there. The search goes on from the best models
-//! of each size, first by these forecasts, then from the signals, and ends where nothing is left that a further effect could be worth. Exchanging an
-//! effect and leaving one out are tried only around the best model, which is compared with its rivals ([`rivals`](crate::diagnose::rivals)).
+//! A state is a set of effects that the start model lacks. The search is one loop. It grows models: the projected residual on the coarse grid forecasts
+//! what each further effect would leave ([`screening`](crate::diagnose::screening)), and those that may win are fitted from there, later also from the
+//! signals. And it compares the best model with its rivals ([`rivals`](crate::diagnose::rivals)), by exchanging effects and leaving them out, until all
+//! that may be claimed is at its optimum. It ends where neither is left to do.
 
 use crate::diagnose::evidence::tempered;
 use crate::diagnose::limits::{INDISTINGUISHABLE, QUIET, START_DOUBTFUL};
-use crate::diagnose::measures::{beyond, over_noise};
+use crate::diagnose::measures::{beyond, fall, over_noise, square};
 use crate::diagnose::met::{Key, Met};
 use crate::diagnose::models::Search;
 use crate::diagnose::weigh::{WeighedModel, weigh};
-use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
-use crate::fit::validate::conflict::{at_bounds, contradicts};
-use crate::model::effects::Chosen;
 
 /// How a step looks for the fits of a state's neighbours.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,87 +25,82 @@ enum Starts {
 }
 
 impl Search<'_> {
-    /// Leads the best model on to its optimum: past elements of creep that kept it from there, and with as many more as the evidence supports where their
-    /// number is open. Those of the start model count only where room is left: a further effect would make up for missing ones.
-    pub(crate) fn finish_best(&mut self) {
-        let Some(met) = self.leader() else { return };
-        let (key, Some(mut fit)) = (met.key.clone(), met.fit.clone()) else { return };
-        if !fit.converged {
-            self.fitter.prune(&mut fit);
-        }
-        let (added, room) = (self.added(&fit.effects), self.leaves_room(met));
-        let fixed =
-            |c: &Chosen| self.fitter.asked.iter().any(|a| a.elements.is_some() && a.effect.name() == c.effect.name());
-        let is_open = |i: &usize| {
-            let c = &fit.effects[*i];
-            c.elements.is_some() && !fixed(c) && (room || added.contains(i))
-        };
-        let open = (0..fit.effects.len()).find(is_open);
-        let more = open.and_then(|i| self.fitter.with_more_elements(&fit, i));
-        self.get_mut(&key).fit = Some(more.unwrap_or(fit));
-    }
-
-    /// Looks for models with as many further effects as `most`.
+    /// Looks for models with as many further effects as `most`. Models near the noise are compared as soon as they are met, others at the end.
     pub(crate) fn run(&mut self, most: usize) {
-        let mut done: Vec<(Key, Starts)> = Vec::new();
-        while let Some(step) = self.next(most, &done) {
-            self.step(&step);
-            done.push(step);
-            if self.is_near() {
-                self.contest();
+        let mut done: Vec<(Key, Starts, f64)> = Vec::new();
+        loop {
+            let step = self.next(most, &done);
+            let comparison = if step.is_none() || self.is_near() { self.comparison() } else { None };
+            match (comparison, step) {
+                (Some(comparison), _) => self.compare(comparison),
+                (None, Some((state, starts))) => {
+                    done.push((state.clone(), starts, self.left_by(&state)));
+                    self.step(&state, starts);
+                }
+                (None, None) => break,
             }
         }
-        self.contest();
+        // what keeps elements of creep from their optimum does not decide which model is better
+        let best = self.leader().and_then(|met| Some((met.key.clone(), self.fitter.pruned(met.fit.as_ref()?)?)));
+        if let Some((key, pruned)) = best {
+            let place = self.place(&key);
+            self.met[place].fit = Some(pruned);
+        }
+    }
+
+    /// What a state leaves.
+    fn left_by(&self, state: &Key) -> f64 {
+        self.get(state).map_or_else(|| square(self.from), Met::square)
     }
 
     /// The next step: small models before big ones, cheap starts before dear ones. The search goes on from the best model of each size, and from those
     /// that the records cannot tell from it, where they are better than the start model. One that a record shows by itself leaves no second effect, for no
     /// model follows the collapse of cavities well.
-    fn next(&self, most: usize, done: &[(Key, Starts)]) -> Option<(Key, Starts)> {
+    fn next(&self, most: usize, done: &[(Key, Starts, f64)]) -> Option<(Key, Starts)> {
         let weighed = weigh(self);
         let of_size = |size| weighed.models.iter().filter(move |m| m.added.len() == size && m.met.fit.is_some());
         let bigger = (1..most).map_while(|size| {
             let best = of_size(size).next()?;
             // A parameter at a bound says little as long as another effect is missing.
             let alike = |m: &&WeighedModel| tempered(best.evidence - m.evidence) < INDISTINGUISHABLE;
-            let open =
-                of_size(size).filter(alike).filter(|m| m.evidence > 0.0 && !m.is_shown && self.leaves_room(m.met));
+            let open = of_size(size).filter(alike).filter(|m| {
+                m.evidence > 0.0 && !m.is_shown && m.met.fit.as_ref().is_some_and(|fit| self.leaves_room(fit))
+            });
             Some(open.map(|m| m.met.key.clone()).collect::<Vec<Key>>()).filter(|open| !open.is_empty())
         });
         let states: Vec<Vec<Key>> = std::iter::once(vec![Key::new()]).chain(bigger).collect();
         let dear = |state: &Key, starts| starts != Starts::Forecast && self.is_quiet(state.len() + 1);
         let near = states.iter().flatten().flat_map(|s| [(s, Starts::Forecast), (s, Starts::LeadingFromSignals)]);
         let far = states.iter().filter_map(|alike| Some((alike.first()?, Starts::AllFromSignals)));
-        let mut steps = near.chain(far).map(|(state, starts)| (state.clone(), starts));
-        steps.find(|step| !done.contains(step) && !dear(&step.0, step.1))
+        let mut steps = near.chain(far);
+        // a state that has come to leave much less since is forecast again
+        let as_before =
+            |state: &Key, left: f64| fall(self.start, self.fitter.runs, left, self.left_by(state)) < self.least_fall;
+        let is_done = |state: &Key, starts: Starts| {
+            let same = |d: &&(Key, Starts, f64)| d.0 == *state && d.1 == starts;
+            done.iter().filter(same).any(|d| starts != Starts::Forecast || as_before(state, d.2))
+        };
+        let step = steps.find(|(state, starts)| !is_done(state, *starts) && !dear(state, *starts))?;
+        Some((step.0.clone(), step.1))
     }
 
     /// Whether a model leaves so much that a further effect could be worth it.
-    fn leaves_room(&self, met: &Met) -> bool {
-        met.fit.as_ref().is_some_and(|fit| beyond(fit, self.fitter.runs) >= self.least_fall_after(self.taken(fit)))
+    pub(crate) fn leaves_room(&self, fit: &Fit) -> bool {
+        beyond(fit, self.fitter.runs) >= self.least_fall_after(self.taken(fit))
     }
 
-    /// Whether a model of at most that size leaves so little that forecasts are accurate: what they do not promise will not appear. A single effect counts
-    /// only if its fit contradicts no instrument and has no parameter at a bound; otherwise another one may be the true one.
+    /// Whether a model of at most that size leaves so little that forecasts are accurate: what they do not promise will not appear.
     pub(crate) fn is_quiet(&self, size: usize) -> bool {
-        let runs = self.fitter.runs;
-        let quiet = |fit: &Fit| over_noise(fit, runs) < QUIET && (size > 1 || is_sound(fit, runs));
         let fits = self.met.iter().filter(|m| m.key.len() <= size).filter_map(|m| m.fit.as_ref());
-        fits.chain([self.start]).any(quiet)
+        fits.chain([self.start]).any(|fit| over_noise(fit, self.fitter.runs) < QUIET)
     }
 
-    fn step(&mut self, (state, starts): &(Key, Starts)) {
+    fn step(&mut self, state: &Key, starts: Starts) {
         match starts {
             Starts::Forecast => {
-                let fit = if state.is_empty() {
-                    Some(self.from.clone())
-                } else {
-                    self.get(state).and_then(|m| m.fit.clone())
-                };
-                if let Some(fit) = fit {
-                    self.expand(&fit, None);
-                    self.fit_leading(state.len() + 1);
-                }
+                let fit = self.get(state).and_then(|m| m.fit.clone()).unwrap_or_else(|| self.from.clone());
+                let forecast = self.expand(&fit, None);
+                self.fit_leading(&forecast);
                 if state.is_empty() {
                     self.more_elements();
                     self.shown_by_itself();
@@ -134,16 +126,12 @@ impl Search<'_> {
     }
 }
 
-/// Whether a fit keeps to what the instruments say, and to what its parameters may be.
-fn is_sound(fit: &Fit, runs: &[RunData]) -> bool {
-    !contradicts(fit, runs) && at_bounds(fit).is_empty()
-}
-
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
     use crate::diagnose::baseline::Baseline;
     use crate::diagnose::fitter::Fitter;
+    use crate::fit::data::run_data::RunData;
     use crate::fit::problem::test_record::{HDPE, record, short_branch};
     use crate::fit::search::calibrate::calibrate;
     use crate::fit::search::options::Options;

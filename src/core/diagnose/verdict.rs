@@ -12,7 +12,7 @@ pub(crate) fn verdict(start: f64, candidates: &[Candidate], pair: Option<&Pair>,
     // Alone, an effect of a pair may explain nothing.
     let Some(best) = candidates.first().filter(|c| pair.is_some() || c.evidence >= LEAST_EVIDENCE) else {
         // An error that instruments within their class explain still counts as noise.
-        let within_class = candidates.iter().filter(|c| c.within_class).map(|c| c.over_noise);
+        let within_class = candidates.iter().filter(|c| c.within_class && c.fit.is_some()).map(|c| c.over_noise);
         let left = within_class.fold(start, f64::min);
         let verdict = if left <= NOISE_LIKE { Verdict::NothingMissing } else { Verdict::UnknownEffect };
         return (verdict, something_else(left, None));

@@ -1,7 +1,7 @@
 //! What the records say of every model that the search has met: its evidence over the start model, and its share of the probability.
 
 use crate::diagnose::evidence::{EvidenceScale, probabilities, tempered};
-use crate::diagnose::limits::{LEAST_EVIDENCE, NEGLIGIBLE_EVIDENCE, ODDS_AT_BOUND, PRIOR_ODDS_OF_PAIR};
+use crate::diagnose::limits::{LEAST_EVIDENCE, NEGLIGIBLE_EVIDENCE, ODDS_AT_BOUND, PRIOR_ODDS_OF_NOTHING};
 use crate::diagnose::measures::{evidence_scale, fall, over_noise, square};
 use crate::diagnose::met::Met;
 use crate::diagnose::models::Search;
@@ -33,6 +33,8 @@ pub(crate) struct WeighedModel<'s> {
     pub(crate) evidence: f64,
     /// Odds before any fit.
     pub(crate) odds: f64,
+    /// Odds, as a logarithm, that it may come to have at its optimum, if its values turn out to be noteworthy and within their bounds.
+    pub(crate) promised_log_odds: f64,
     /// Its share of the probability.
     pub(crate) share: f64,
     /// It is the only reason why a record looks as it does, whatever is left of it.
@@ -59,47 +61,58 @@ pub(crate) fn weigh<'s>(search: &'s Search) -> Weighed<'s> {
     let scale = evidence_scale(closest, baseline.features());
     let mut models: Vec<WeighedModel> = search.met.iter().filter_map(|met| described(search, met)).collect();
     // Instruments within their class are at work on every rig: an effect is claimed only over the best model that they allow.
-    let within_class = models.iter().filter(|m| m.added.len() == 1 && !m.is_noteworthy).map(|m| m.met.square());
-    let allowed = within_class.fold(square(start), f64::min);
+    let within_class = models.iter().filter(|m| m.added.len() == 1 && !m.is_noteworthy && m.met.fit.is_some());
+    let allowed = within_class.map(|m| m.met.square()).fold(square(start), f64::min);
     let of_start = free(&baseline.model(&start.effects));
-    for model in &mut models {
-        let more = model.free.saturating_sub(of_start);
-        model.evidence = scale.evidence(allowed, model.met.square(), more);
-    }
-    // A model has to be worth more than each smaller one.
+    // A model has to be worth more than each smaller one: the least that these leave, and their greatest evidence.
     let mut smaller = (allowed, 0.0);
-    for size in 1.. {
-        let of_size = || models.iter().filter(|m| m.added.len() == size);
-        let Some(best) = of_size().map(|m| (m.met.square(), m.evidence)).min_by(|a, b| a.0.total_cmp(&b.0)) else {
-            break;
+    for size in 1..=models.iter().map(|m| m.added.len()).max().unwrap_or(0) {
+        let taken = if size == 1 { 0.0 } else { fall(start, runs, square(start), smaller.0) };
+        let least = search.least_fall_after(taken);
+        let worth = |model: &WeighedModel, left: f64| {
+            let evidence = scale.evidence(allowed, left, model.free.saturating_sub(of_start));
+            let falls = fall(start, runs, smaller.0, left) >= least;
+            let evident = size == 1 || evidence > smaller.1 + LEAST_EVIDENCE;
+            if falls && evident { evidence } else { evidence.min(NEGLIGIBLE_EVIDENCE) }
         };
-        let taken = fall(start, runs, square(start), smaller.0);
-        let least = search.least_fall_after(if size == 1 { 0.0 } else { taken });
+        let mut best = smaller;
         for model in models.iter_mut().filter(|m| m.added.len() == size) {
-            let falls = fall(start, runs, smaller.0, model.met.square()) >= least;
-            let evident = size == 1 || model.evidence > smaller.1 + LEAST_EVIDENCE;
-            if !falls || !evident || !model.is_noteworthy {
+            let promised = worth(model, model.met.promise());
+            model.promised_log_odds = tempered(promised) + prior(search, model, promised).ln();
+            model.evidence = worth(model, model.met.square());
+            if !model.is_noteworthy {
                 model.evidence = model.evidence.min(NEGLIGIBLE_EVIDENCE);
             }
+            if model.met.fit.is_some() {
+                best = (best.0.min(model.met.square()), best.1.max(model.evidence));
+            }
         }
-        smaller = (smaller.0.min(best.0), f64::max(smaller.1, best.1));
+        smaller = best;
     }
     hand_over(&mut models);
     for model in &mut models {
-        let odds: Vec<f64> = model.added.iter().map(|c| c.effect.odds(&baseline.known)).collect();
-        let prior: f64 = odds.iter().product();
-        model.is_shown = odds.iter().any(|odds| *odds >= SHOWN);
-        // Prior odds in favour of an effect do not make up for a fit without evidence. If a record shows the effect by itself, any improvement will do.
-        let least = if model.is_shown { 0.0 } else { LEAST_EVIDENCE };
-        let prior = if model.evidence < least { prior.min(1.0) } else { prior };
+        model.is_shown = is_shown(search, model);
         let at_bound = !model.is_shown && model.parameters.iter().any(|p| p.at_bound);
-        let size = model.added.len().saturating_sub(1) as i32;
-        model.odds = prior * PRIOR_ODDS_OF_PAIR.powi(size) * if at_bound { ODDS_AT_BOUND } else { 1.0 };
+        model.odds = prior(search, model, model.evidence) * if at_bound { ODDS_AT_BOUND } else { 1.0 };
     }
     let shares = probabilities(&models.iter().map(|m| (m.evidence, m.odds)).collect::<Vec<_>>());
     models.iter_mut().zip(shares).for_each(|(model, share)| model.share = share);
     models.sort_by(|a, b| b.log_odds().total_cmp(&a.log_odds()));
     Weighed { scale, models }
+}
+
+/// Whether a record shows one of its effects by itself.
+fn is_shown(search: &Search, model: &WeighedModel) -> bool {
+    model.added.iter().any(|c| c.effect.odds(&search.baseline.known) >= SHOWN)
+}
+
+/// Odds of a model before any fit. Those in favour of an effect do not make up for a fit without evidence. If a record shows the effect by itself, any
+/// improvement will do. Each effect after the first has the same against it as the first has against nothing.
+fn prior(search: &Search, model: &WeighedModel, evidence: f64) -> f64 {
+    let odds: f64 = model.added.iter().map(|c| c.effect.odds(&search.baseline.known)).product();
+    let least = if is_shown(search, model) { 0.0 } else { LEAST_EVIDENCE };
+    let odds = if evidence < least { odds.min(1.0) } else { odds };
+    odds / PRIOR_ODDS_OF_NOTHING.powi(model.added.len().saturating_sub(1) as i32)
 }
 
 /// The evidence for an effect that stands in for another one is evidence for that one.
@@ -134,6 +147,7 @@ fn described<'s>(search: &Search, met: &'s Met) -> Option<WeighedModel<'s>> {
         parameters,
         evidence: 0.0,
         odds: 1.0,
+        promised_log_odds: f64::NEG_INFINITY,
         share: 0.0,
         is_shown: false,
     })

@@ -1,7 +1,8 @@
 //! What a lab can do otherwise in the next test, and how that changes the first run.
 
-use crate::diagnose::limits::{AT_THE_VALVE, SAME_HEAD_M, SAME_PLACE, SAME_SHARE};
+use crate::diagnose::limits::{SAME_HEAD_M, SAME_PLACE, SAME_SHARE};
 use crate::fit::data::run_data::{RunData, SensorData};
+use crate::fit::problem::thresholds::VALVE_SENSOR_SHARE;
 use crate::model::effects::Chosen;
 use crate::model::{Model, RunValues};
 use crate::rig::{Place, Rig, WaterProperties};
@@ -104,7 +105,7 @@ impl Change {
         let (mut rig, mut run) = (rig.clone(), first.clone());
         let length_m = rig.length_m();
         if self.length != 1.0 {
-            let at_valve = |s: &crate::rig::Sensor| length_m - rig.on_way_m(s.place()) < AT_THE_VALVE * length_m;
+            let at_valve = |s: &crate::rig::Sensor| length_m - rig.on_way_m(s.place()) < VALVE_SENSOR_SHARE * length_m;
             let moved: Vec<bool> = run.sensors.iter().map(|s| at_valve(&s.sensor)).collect();
             let last = rig.graph.lines[rig.graph.line_to_valve()].pipes.end - 1;
             rig.pipes[last].length_m += (self.length - 1.0) * length_m;

@@ -14,7 +14,7 @@ pub(crate) mod separation;
 use rayon::prelude::*;
 
 use crate::diagnose::baseline::Baseline;
-use crate::diagnose::limits::{BEST_TESTS, CREEP_RATIO, DRAWS, NAMED_TESTS};
+use crate::diagnose::limits::{BEST_TESTS, DRAWS, NAMED_TESTS, SAME_SHARE};
 pub use crate::diagnose::next::answer::Answer;
 pub use crate::diagnose::next::change::Change;
 use crate::diagnose::next::change::{REMEDY, changes};
@@ -134,7 +134,7 @@ fn creep_per_gpa(baseline: &Baseline, answer: &Answer) -> f64 {
 
 /// A creep test of the wall, if the two answers need different walls.
 fn creep_test(one: f64, other: f64) -> Option<String> {
-    let apart = one.max(other) > CREEP_RATIO * one.min(other).max(0.0);
+    let apart = one.max(other) > (1.0 + SAME_SHARE) * one.min(other).max(0.0);
     apart.then(|| {
         format!("make a creep test of the wall, which creeps by {one:.3} 1/GPa in the first model and by {other:.3} in the second")
     })

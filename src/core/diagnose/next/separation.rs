@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::diagnose::baseline::{Baseline, window};
 use crate::diagnose::evidence::tempered;
-use crate::diagnose::limits::{DESIGN, MOST_REPEATS, WANTED_ODDS};
+use crate::diagnose::limits::{DESIGN, INDISTINGUISHABLE, MOST_REPEATS};
 use crate::diagnose::next::answer::{Answer, Known};
 use crate::diagnose::next::change::{Change, Stage};
 use crate::fit::data::run_data::{RunData, ShownClosing};
@@ -94,7 +94,7 @@ pub(crate) fn of(
         of_both[truth] = tempered(sum / f64::from(draws) / unit);
     }
     let log_odds = f64::min(of_both[0], of_both[1]);
-    let repeats = (WANTED_ODDS.ln() / log_odds).ceil();
+    let repeats = (INDISTINGUISHABLE / log_odds).ceil();
     let heads = curves.iter().flat_map(|c: &Curve| c.one_m.iter().chain(&c.other_m));
     Some(Separation {
         instruction: change.instruction(&known[0].runs[0], baseline.rig, &remedy),

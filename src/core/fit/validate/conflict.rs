@@ -52,11 +52,6 @@ fn of_values(fit: &Fit) -> Vec<String> {
     sentences
 }
 
-/// Whether a fit contradicts what the instruments of a run say, at an optimum or not.
-pub fn contradicts(fit: &Fit, runs: &[RunData]) -> bool {
-    runs.iter().any(|run| !of_run(fit, run).is_empty())
-}
-
 /// A contradiction between a fit and the instruments of a run.
 struct Conflict {
     says: String,
