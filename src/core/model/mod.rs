@@ -28,6 +28,7 @@ pub mod memory;
 pub(crate) mod network;
 pub mod node;
 pub mod oscillator;
+pub mod own;
 pub mod parameter;
 pub(crate) mod passage;
 pub mod prior;
