@@ -77,15 +77,14 @@ fn leak_drift_and_gain_written_as_files_give_the_same_traces() {
 fn a_head_loss_of_any_law_is_that_of_a_blockage() {
     let text = file("my-loss", "node", "head_loss_m", "a * Q * abs(Q) / Q0^2 * b", "");
     let rig = rig_with("my-loss", &text);
-    let area_m2 = std::f64::consts::FRAC_PI_4 * 0.02f64.powi(2);
     let k = 40.0;
-    let loss_m = k * 0.5f64.powi(2) / (2.0 * 9.80665);
+    let loss_m = k * 0.5f64.powi(2) / (2.0 * surgescope_core::units::GRAVITY_M_S2);
     let own = traces(&rig, "my-loss", &[41.3, loss_m, 1.0], 60);
     let known = traces(&rig, "blockage", &[41.3, k], 60);
-    assert!(area_m2 > 0.0 && largest(&own, &known) < 1e-9, "{}", largest(&own, &known));
+    assert!(largest(&own, &known) < 1e-9, "{}", largest(&own, &known));
 }
 
-/// Twice the steady friction, the steady part of which the heads before the closure have: as a friction of the wall and as a factor.
+/// Halving the step halves the change at least, and the effect is far larger than what is left.
 #[test]
 fn states_and_walls_converge_with_the_grid() {
     let lagged = "[state.x]\nstart = \"H0\"\nrate = \"(H - x) / 0.05\"\n";
