@@ -125,7 +125,8 @@ def simulate(kind, rng, length, speed, velocity, head, closing, duration=4.0):
         truth |= {"set_head_m": set_head, "cda_mm2": c / np.sqrt(2 * G) * 1e6}
     elif kind == "spring-check":
         loss, tau = rng.uniform(0.3, 2.0), rng.uniform(0.05, 0.4)
-        truth |= {"loss_m": loss, "spring_time_s": tau}
+        # The loss sits where the flow is, half a cell further.
+        truth = {"position_m": (node + 0.5) * dx, "loss_m": loss, "spring_time_s": tau}
         h[: node + 1] += loss
     else:
         swing, frequency, share = rng.uniform(0.4, 2.0), rng.uniform(0.3, 1.5), rng.uniform(-0.6, 0.6)

@@ -218,6 +218,8 @@ pub struct Solved {
 /// A share of a head loss of any law. It meets what it sends to its other shares as [`Loss`] does.
 pub struct Lossy {
     law: Box<dyn HeadLoss>,
+    /// Impedance of the line, s/m².
+    z: f64,
     by: [f64; 2],
     drops_m: [f64; 2],
 }
@@ -225,7 +227,7 @@ pub struct Lossy {
 impl Lossy {
     /// A share on a line of impedance `z`.
     pub fn new(law: Box<dyn HeadLoss>, overlap: Overlap, z: f64) -> Lossy {
-        Lossy { law, by: overlap.times(1.0 / z), drops_m: [0.0; 2] }
+        Lossy { law, z, by: overlap.times(1.0 / z), drops_m: [0.0; 2] }
     }
 
     fn settle(&mut self, flow_m3_s: f64) -> f64 {
@@ -240,12 +242,14 @@ impl Lossy {
         if by == 0.0 {
             return (known, self.law.drop_m(known));
         }
-        let balance = |u: f64| {
-            let drop = self.law.drop_m(u);
-            (u + by * drop.0 - known, 1.0 + by * drop.1, drop)
+        // As a head `z u`, for which the root's tolerances are made.
+        let balance = |x: f64| {
+            let drop = self.law.drop_m(x / self.z);
+            (x + self.z * (by * drop.0 - known), 1.0 + by * drop.1, drop)
         };
-        let (u, (drop_m, slope)) = root(balance, |(d, slope), step| (d + slope * step, slope), flow_m3_s);
-        (u, (drop_m, slope / (1.0 + by * slope)))
+        let beyond = |(drop, slope): (f64, f64), step: f64| (drop + slope * step / self.z, slope);
+        let (x, (drop_m, slope)) = root(balance, beyond, self.z * flow_m3_s);
+        (x / self.z, (drop_m, slope / (1.0 + by * slope)))
     }
 
     fn drop_m(&self, flow_m3_s: f64) -> (f64, f64) {
