@@ -100,7 +100,7 @@ impl<'a> Parser<'a> {
     }
 
     fn within(&self, at: usize) -> Parsed {
-        if self.program.len() > MOST_STEPS {
+        if self.program.count() > MOST_STEPS {
             return Err(self.fault(&format!("the law has more than {MOST_STEPS} steps")));
         }
         Ok(at)

@@ -26,7 +26,7 @@ pub struct Program {
 
 impl Program {
     /// Number of its steps.
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.steps.len()
     }
 
