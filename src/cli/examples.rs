@@ -43,6 +43,11 @@ const EXAMPLES: &[(&str, [&str; 2])] = &[
         ],
     ),
     ("effects", ["", "leak --svg leak.svg"]),
+    ("effects new", ["relief-valve", "relief-valve -o my-rig/effects/relief-valve.toml"]),
+    (
+        "effects check",
+        ["effects/relief-valve.toml", "effects/relief-valve.toml --rig rigs/demo-hdpe.toml --svg relief.svg"],
+    ),
     ("export", ["recordings/hdpe-creep.mcap -o creep.csv", "recordings/copper-leak.mcap -o leak.csv"]),
     (
         "family",
@@ -138,6 +143,7 @@ const NEEDS: &[(&str, &[&str])] = &[
     ("add", &[MODEL]),
     ("campaign run", &[PLAN]),
     ("campaign submit", &[PLAN]),
+    ("effects check", &["effects new relief-valve"]),
     ("campaign status", &[PLAN, "campaign run study"]),
     (
         "family",

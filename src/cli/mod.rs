@@ -7,6 +7,7 @@ pub(crate) mod examples;
 pub(crate) mod help;
 
 use std::ffi::OsString;
+use std::path::Path;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
@@ -15,6 +16,8 @@ use crate::cli::console::outcome::{CommandResult, FAILED};
 use crate::cli::console::print::tell;
 use crate::cli::console::refusal::in_words;
 use crate::cli::console::stop::{STOP, outlive_file_limits};
+use crate::rig::own_effects::beside;
+use crate::rig::{Rig, RigError};
 use crate::shown::{Shown as _, controls};
 
 /// Record, model and calibrate water-hammer tests, and find the physics a model lacks.
@@ -82,9 +85,44 @@ fn refuse(error: &clap::Error, arguments: &[OsString]) -> ! {
     std::process::exit(error.exit_code())
 }
 
+/// Reads the rigs among the arguments, and those of the recordings, so that effects of their own are known.
+///
+/// # Errors
+/// An effect that cannot be read. What else is wrong, the command itself says.
+fn read_rigs(arguments: &[OsString]) -> Result<(), RigError> {
+    for argument in arguments.iter().skip(1) {
+        let text = argument.to_string_lossy();
+        let path = Path::new(text.split_once('=').map_or(&*text, |(_, value)| value));
+        let read = match path.extension().and_then(|e| e.to_str()) {
+            Some("toml") => Rig::load(path).map(drop),
+            Some("mcap") => {
+                drop(crate::storage::read(path));
+                beside(path.parent().unwrap_or(Path::new(""))).map(drop)
+            }
+            _ if path.is_dir() => beside(path).map(drop),
+            _ => Ok(()),
+        };
+        if let Err(faulty @ RigError::Effect { .. }) = read {
+            return Err(faulty);
+        }
+    }
+    Ok(())
+}
+
 /// Runs the command of the arguments, the program's name first, and returns the exit code. Help, and arguments that are refused, end the process.
 pub fn run(arguments: &[OsString]) -> u8 {
-    let parsed = command().try_get_matches_from(arguments).and_then(|matches| Cli::from_arg_matches(&matches));
+    let parse = || command().try_get_matches_from(arguments).and_then(|matches| Cli::from_arg_matches(&matches));
+    // A rig may have effects of its own: which, only the files that the command line names can say.
+    let parsed = match parse() {
+        Err(_) if arguments.len() > 1 => {
+            if let Err(faulty) = read_rigs(arguments) {
+                tell!("error: {}", in_words(&faulty));
+                return FAILED;
+            }
+            parse()
+        }
+        parsed => parsed,
+    };
     let cli = parsed.unwrap_or_else(|error| refuse(&error, arguments));
     // without it such a write ends the program, as it always did
     let _ = outlive_file_limits();

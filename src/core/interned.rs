@@ -11,7 +11,8 @@ pub type Text = &'static str;
 /// Each text once: there are as many as the catalogue has.
 static TEXTS: Mutex<Option<HashSet<&'static str>>> = Mutex::new(None);
 
-fn interned(text: String) -> &'static str {
+/// The text, kept.
+pub fn interned(text: String) -> &'static str {
     let mut texts = TEXTS.lock().unwrap_or_else(PoisonError::into_inner);
     let texts = texts.get_or_insert_default();
     match texts.get(text.as_str()) {

@@ -145,6 +145,15 @@ impl ModelFile {
         Ok(file)
     }
 
+    /// Reads the rig, whose own effects are known then; what is wrong with it, a fit of the recordings says.
+    fn read_rig(&self, folder: &Path) {
+        match (&self.rig, self.recordings.first()) {
+            (Some(rig), _) => drop(Rig::load(&folder.join(rig))),
+            (None, Some(recording)) => drop(crate::storage::read(&folder.join(recording))),
+            (None, None) => {}
+        }
+    }
+
     fn check(&self, path: &Path) -> Result<(), ModelFileError> {
         let wrong = |number: usize, what: String| ModelFileError::Contradiction { file: path.to_owned(), number, what };
         if self.recordings.is_empty() {
@@ -160,11 +169,12 @@ impl ModelFile {
             if let Some(parent) = model.grown_from.filter(|&p| p == 0 || p > i) {
                 return Err(wrong(i + 1, format!("claims to grow from model {parent}, which does not come before it")));
             }
-            parse_list(&model.effects.join(",")).map_err(|source| ModelFileError::Effects {
-                file: path.to_owned(),
-                number: i + 1,
-                source,
-            })?;
+            let effects = || parse_list(&model.effects.join(","));
+            let known = effects().or_else(|_| {
+                self.read_rig(path.parent().unwrap_or(Path::new("")));
+                effects()
+            });
+            known.map_err(|source| ModelFileError::Effects { file: path.to_owned(), number: i + 1, source })?;
             for (k, p) in model.parameters.iter().enumerate() {
                 if model.parameters[..k].iter().any(|q| q.name == p.name && q.run == p.run) {
                     return Err(wrong(i + 1, format!("has {} twice: keep one of them", p.name)));

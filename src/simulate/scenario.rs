@@ -3,7 +3,7 @@
 use std::error::Error;
 
 use crate::model::boundary::Closure;
-use crate::model::effects::{CATALOGUE, Chosen, Effect, Site, pipe_is_no_setting};
+use crate::model::effects::{Chosen, Effect, Site, catalogue_of, pipe_is_no_setting};
 use crate::model::energy::Energy;
 use crate::model::friction::WallFriction;
 use crate::model::line_flows::{line_flows, way_loss_m};
@@ -321,7 +321,7 @@ fn check_names(model: &Model, water: &WaterProperties, settings: &[(String, f64)
 fn owner(name: &str, model: &Model, water: &WaterProperties) -> Option<(&'static dyn Effect, usize)> {
     let site =
         Site { rig: model.rig, water, period_s: model.period_s(&starts(model)), line: model.rig.graph.line_to_valve() };
-    let all = CATALOGUE.iter().flat_map(|e| std::iter::once(*e).chain(e.variants().iter().copied()));
+    let all = catalogue_of(model.rig).into_iter().flat_map(|e| std::iter::once(e).chain(e.variants().iter().copied()));
     all.filter_map(|effect| {
         let mut elements = effect.elements().unwrap_or(1..=1);
         let elements = elements.find(|&n| effect.parameters(&site, n).iter().any(|p| p.name == name))?;

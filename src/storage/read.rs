@@ -11,12 +11,13 @@ use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::{MAGIC, McapError, McapResult};
 
 use crate::recording::Recording;
+use crate::rig::own_effects::beside;
 use crate::storage::assemble::Assembler;
 use crate::storage::disk;
 use crate::storage::error::LogError;
 use crate::storage::lengths::texts_fit;
 
-/// Reads a recording, with the rig from inside it.
+/// Reads a recording, with the rig from inside it, and the rig's own effects in the folder `effects` beside it.
 ///
 /// # Errors
 /// Says whether the file is no MCAP, not one of ours, cut off ([`LogError::Torn`]) or damaged: every CRC is checked, and
@@ -34,7 +35,11 @@ pub fn read(path: &Path) -> Result<Recording, LogError> {
         return Err(LogError::Torn(path.into()));
     }
     file.seek(SeekFrom::Start(0)).map_err(io)?;
-    decode_stream(BufReader::with_capacity(1 << 16, file), length, path)
+    let mut recording = decode_stream(BufReader::with_capacity(1 << 16, file), length, path)?;
+    // Effects in files are newer than those kept inside: they were written or changed after the test.
+    let effects = beside(path.parent().unwrap_or(Path::new("")));
+    recording.rig.own_effects.extend(effects.map_err(|e| LogError::Rig { path: path.into(), source: Box::new(e) })?);
+    Ok(recording)
 }
 
 /// [`read`] of the bytes of a file.

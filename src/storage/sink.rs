@@ -90,7 +90,7 @@ impl<W: Write + Seek> Sink<W> {
             create_time: run.start_unix_ns,
             name: layout::RIG_ATTACHMENT.into(),
             media_type: "application/toml".into(),
-            data: Cow::Borrowed(rig.source.as_bytes()),
+            data: Cow::Owned(rig.stored_text().into_bytes()),
         };
         sink.mcap.attach(&attachment).map_err(|e| LogError::write(path, e))?;
         sink.metadata(layout::RUN_METADATA, run_metadata(run, zero_ns))?;

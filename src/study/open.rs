@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::fit::data::prepare::prepare;
 use crate::fit::data::run_data::RunData;
+use crate::model::own::of_rig;
 use crate::recording::Recording;
 use crate::rig::{Rig, SensorKind};
 use crate::shown::Shown as _;
@@ -48,6 +49,7 @@ impl Loaded {
 
     /// The same, and the recording as it was where only a part of it is used.
     fn with_whole(file: String, recording: Recording) -> Result<(Loaded, Option<Recording>)> {
+        of_rig(&recording.rig)?;
         let file = file.shown().into_owned();
         let window = Window::of(&recording);
         let (recording, whole) = match window {
@@ -142,7 +144,7 @@ pub(crate) fn load_keeping(
 /// # Errors
 /// Rigs that were not read from the same text.
 pub(crate) fn one_rig((first, first_rig): (&str, &Rig), (other, other_rig): (&str, &Rig)) -> Result<()> {
-    if first_rig.source == other_rig.source {
+    if first_rig.source == other_rig.source && first_rig.own_effects == other_rig.own_effects {
         return Ok(());
     }
     Err(Error::SeveralRigs {

@@ -8,6 +8,7 @@ mod energy;
 mod exact;
 mod gas;
 mod network;
+mod own;
 mod place;
 mod unsteady_friction;
 

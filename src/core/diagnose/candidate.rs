@@ -1,7 +1,7 @@
 //! The candidates: every effect of the catalogue that the start model lacks, in each of its forms.
 
 use crate::diagnose::limits::MOST_ELEMENTS;
-use crate::model::effects::{CATALOGUE, Chosen, Effect};
+use crate::model::effects::{Chosen, Effect, catalogue_of};
 use crate::rig::Rig;
 
 /// One form of an effect: a variant, at a sensor, with a number of elements.
@@ -16,18 +16,18 @@ pub struct Form {
 /// All forms of the effects that may be added to `start`, in the order of the catalogue. Forms that need more than
 /// `runs` runs to be identified are left out.
 pub fn candidates(rig: &Rig, start: &[Chosen], runs: usize) -> Vec<Form> {
-    CATALOGUE
-        .iter()
-        .filter(|effect| !is_in(**effect, start) && reason_against(**effect, rig, start).is_none())
-        .flat_map(|effect| forms(rig, *effect))
+    catalogue_of(rig)
+        .into_iter()
+        .filter(|effect| !is_in(*effect, start) && reason_against(*effect, rig, start).is_none())
+        .flat_map(|effect| forms(rig, effect))
         .filter(|form| form.chosen.effect.least_runs() <= runs)
         .collect()
 }
 
 /// Effects that `start` lacks but cannot be given, each with the reason.
 pub fn left_out(rig: &Rig, start: &[Chosen]) -> Vec<(&'static str, String)> {
-    let others = CATALOGUE.iter().filter(|effect| !is_in(**effect, start));
-    others.filter_map(|effect| Some((effect.name(), reason_against(*effect, rig, start)?))).collect()
+    let others = catalogue_of(rig).into_iter().filter(|effect| !is_in(*effect, start));
+    others.filter_map(|effect| Some((effect.name(), reason_against(effect, rig, start)?))).collect()
 }
 
 fn is_in(effect: &dyn Effect, start: &[Chosen]) -> bool {
@@ -60,7 +60,7 @@ pub fn forms_of(rig: &Rig, asked: &Chosen) -> Vec<Form> {
             && asked.sensor.as_ref().is_none_or(|s| form.chosen.sensor.as_ref() == Some(s))
             && asked.pipe.as_ref().is_none_or(|p| form.chosen.pipe.as_ref() == Some(p))
     };
-    let forms: Vec<Form> = CATALOGUE.iter().flat_map(|effect| forms(rig, *effect)).filter(own).collect();
+    let forms: Vec<Form> = catalogue_of(rig).into_iter().flat_map(|effect| forms(rig, effect)).filter(own).collect();
     if forms.is_empty() { vec![Form { effect: base_name(asked.effect.name()), chosen: asked.clone() }] } else { forms }
 }
 

@@ -5,7 +5,7 @@ use crate::model::effect::{self, Attachment, Element};
 use crate::model::energy::NodeOwners;
 use crate::model::error::ModelError;
 use crate::model::grid::{Grid, Segment, Stretch};
-use crate::model::node::{Loss, Node, Overlap, Spread};
+use crate::model::node::{Loss, Lossy, Node, Overlap, Spread};
 use crate::model::scene::{Scene, Spot};
 use crate::rig::Place;
 
@@ -62,12 +62,21 @@ pub(crate) fn attach(model: &Model, grid: Grid, shared: &[f64], scene: &Scene) -
         let largest = shares.iter().max_by(|a, b| a.1.total_cmp(&b.1));
         let nearest = largest.map_or(grid.segments.len() + graph.valve, |(node, _)| index_of(*node));
         match (attachment.make)(&spots[nearest]) {
-            Element::Loss(_) => {
+            Element::Loss(_) | Element::Drop(_) => {
                 for &(node, share) in shares {
                     let s = index_of(node);
-                    if let Element::Loss(loss) = (attachment.make)(&Spot { share, ..spots[s] }) {
-                        nodes[s].losses.push(Loss::new(loss, Overlap::of(shares, share), grid.segments[s].impedance));
-                        owners[s].losses.push((account, loss));
+                    let (overlap, impedance) = (Overlap::of(shares, share), grid.segments[s].impedance);
+                    match (attachment.make)(&Spot { share, ..spots[s] }) {
+                        Element::Loss(loss) => {
+                            nodes[s].losses.push(Loss::new(loss, overlap, impedance));
+                            owners[s].losses.push((account, loss));
+                        }
+                        Element::Drop(law) => {
+                            nodes[s].laws.push(Lossy::new(law, overlap, impedance));
+                            // It has no coefficient by which it could share the drop with other losses at the node.
+                            owners[s].losses.push((account, share));
+                        }
+                        Element::Shunt(_) => {}
                     }
                 }
             }

@@ -6,6 +6,7 @@ use crate::model::boundary::Closure;
 use crate::model::chosen::Chosen;
 use crate::model::constraint::{Constraint, Given};
 use crate::model::error::ModelError;
+use crate::model::own::compiled;
 use crate::model::parameter::Parameter;
 use crate::model::prior::Prior;
 use crate::model::reaches::Travel;
@@ -64,6 +65,11 @@ impl<'a> Model<'a> {
         let effects: Vec<Chosen> = effects
             .iter()
             .map(|c| Chosen {
+                // Another rig may have another effect of that name.
+                effect: match rig.own_effects.get(c.effect.name()).map(|text| compiled(c.effect.name(), text)) {
+                    Some(Ok(own)) => own,
+                    _ => c.effect,
+                },
                 elements: c.elements.or(c.effect.elements().map(|r| *r.start())),
                 sensor: c.sensor.clone().or_else(|| first_sensor(rig).filter(|_| c.effect.at_sensor())),
                 ..c.clone()
@@ -72,7 +78,13 @@ impl<'a> Model<'a> {
         let mut effect_sizes = Vec::new();
         for chosen in &effects {
             let site = Site { line: chosen.line(rig), ..site };
-            let parameters = chosen.effect.parameters(&site, chosen.elements.unwrap_or(1));
+            let mut parameters = chosen.effect.parameters(&site, chosen.elements.unwrap_or(1));
+            // Files of one's own may use one name each for its own parameter.
+            for parameter in &mut parameters {
+                if shared.iter().any(|p| p.name == parameter.name) {
+                    parameter.name = format!("{}[{}]", parameter.name, chosen.effect.name());
+                }
+            }
             effect_sizes.push(parameters.len());
             shared.extend(parameters);
         }
@@ -234,6 +246,10 @@ pub fn check_places(rig: &Rig, effects: &[Chosen]) -> Result<(), ModelError> {
     };
     if let Some(name) = effects.iter().filter_map(|c| c.pipe.as_ref()).find(|name| !pipes.contains(&name.as_str())) {
         return Err(ModelError::UnknownPipe { name: name.clone(), known: pipes.join(", ") });
+    }
+    let own = |c: &&Chosen| c.effect.is_own() && !rig.own_effects.contains_key(c.effect.name());
+    if let Some(chosen) = effects.iter().find(own) {
+        return Err(ModelError::OfAnotherRig { name: chosen.effect.name().to_owned(), rig: rig.name.clone() });
     }
     let supply = &rig.graph.nodes[rig.graph.supply()];
     if let (Some(chosen), false) = (effects.iter().find(|c| c.effect.at_supply()), supply.kind.holds_given_head()) {

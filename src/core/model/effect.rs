@@ -5,7 +5,7 @@ use crate::model::boundary::{Supply, ValveEnd};
 use crate::model::contribution::{LineTerm, NodeField};
 use crate::model::error::ModelError;
 use crate::model::grid::Stretch;
-use crate::model::node::Shunt;
+use crate::model::node::{HeadLoss, Shunt};
 use crate::model::parameter::Parameter;
 use crate::model::scene::{Scene, Site, Spot};
 use crate::model::steady::Steady;
@@ -39,6 +39,8 @@ pub enum Place {
 pub enum Element {
     /// A head loss `k Q|Q|` with `k = K/(2gA²)`, s²/m⁵.
     Loss(f64),
+    /// A head loss of any other law.
+    Drop(Box<dyn HeadLoss>),
     /// Takes water out.
     Shunt(Box<dyn Shunt>),
 }
@@ -77,6 +79,10 @@ pub trait Effect: Sync {
     }
     /// Whether it may be anywhere along a pipe, which may be named in a network (`name@branch`): it proposes starts over the whole of it.
     fn on_pipe(&self) -> bool {
+        false
+    }
+    /// Whether it is no effect of the catalogue but a rig's own.
+    fn is_own(&self) -> bool {
         false
     }
     /// Whether it changes the head of the supply.

@@ -16,6 +16,12 @@ pub enum ModelError {
     Value { name: String, value: f64, allowed: &'static str },
     #[error("unknown effect '{name}'; did you mean '{nearest}'? Known are: {known}")]
     UnknownEffect { name: String, nearest: String, known: String },
+    #[error("{said}")]
+    OwnEffect { said: String },
+    #[error(
+        "'{name}' is an effect of another rig's own; write effects/{name}.toml beside the file of rig '{rig}', or leave the effect out"
+    )]
+    OfAnotherRig { name: String, rig: String },
     #[error("'{item}': the number of elements must be a whole number from {low} to {high}")]
     Elements { item: String, low: usize, high: usize },
     #[error("'{item}': this effect has no elements to number")]

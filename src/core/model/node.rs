@@ -20,6 +20,18 @@ pub trait Shunt: Send {
     fn advance(&mut self, head_m: f64);
 }
 
+/// A head loss of any law of the flow, or a share of one, m.
+pub trait HeadLoss: Send {
+    /// Loss before the closure; initialises the inner state.
+    fn settle(&mut self, flow_m3_s: f64) -> f64;
+    /// Loss at the new time, and its derivative by the flow (zero or more).
+    fn drop_m(&self, flow_m3_s: f64) -> (f64, f64);
+    /// The same before the closure.
+    fn steady_drop_m(&self, flow_m3_s: f64) -> (f64, f64);
+    /// Advances the inner state with the new flow.
+    fn advance(&mut self, flow_m3_s: f64);
+}
+
 /// Overlap of the shares of one element at neighbouring nodes: `Σ w_i w_j` over neighbours, and over nodes two reaches
 /// apart, divided by the share's own weight.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -203,11 +215,61 @@ pub struct Solved {
     pub right_flow_m3_s: f64,
 }
 
+/// A share of a head loss of any law. It meets what it sends to its other shares as [`Loss`] does.
+pub struct Lossy {
+    law: Box<dyn HeadLoss>,
+    /// Impedance of the line, s/m².
+    z: f64,
+    by: [f64; 2],
+    drops_m: [f64; 2],
+}
+
+impl Lossy {
+    /// A share on a line of impedance `z`.
+    pub fn new(law: Box<dyn HeadLoss>, overlap: Overlap, z: f64) -> Lossy {
+        Lossy { law, z, by: overlap.times(1.0 / z), drops_m: [0.0; 2] }
+    }
+
+    fn settle(&mut self, flow_m3_s: f64) -> f64 {
+        self.drops_m = [self.law.settle(flow_m3_s); 2];
+        self.drops_m[0]
+    }
+
+    /// The flow that the share sees, if the node's is `flow_m3_s`; with it head drop and derivative by the node's flow.
+    fn seen(&self, flow_m3_s: f64) -> (f64, (f64, f64)) {
+        let by = self.by[0] + self.by[1];
+        let known = flow_m3_s + self.by[0] * self.drops_m[0] + self.by[1] * self.drops_m[1];
+        if by == 0.0 {
+            return (known, self.law.drop_m(known));
+        }
+        // As a head `z u`, for which the root's tolerances are made.
+        let balance = |x: f64| {
+            let drop = self.law.drop_m(x / self.z);
+            (x + self.z * (by * drop.0 - known), 1.0 + by * drop.1, drop)
+        };
+        let beyond = |(drop, slope): (f64, f64), step: f64| (drop + slope * step / self.z, slope);
+        let (x, (drop_m, slope)) = root(balance, beyond, self.z * flow_m3_s);
+        (x / self.z, (drop_m, slope / (1.0 + by * slope)))
+    }
+
+    fn drop_m(&self, flow_m3_s: f64) -> (f64, f64) {
+        self.seen(flow_m3_s).1
+    }
+
+    fn advance(&mut self, flow_m3_s: f64) {
+        let (u, (drop_m, _)) = self.seen(flow_m3_s);
+        self.law.advance(u);
+        self.drops_m = [drop_m, self.drops_m[0]];
+    }
+}
+
 /// The elements of one node.
 #[derive(Default)]
 pub struct Node {
     /// Head losses.
     pub losses: Vec<Loss>,
+    /// Head losses of other laws.
+    pub laws: Vec<Lossy>,
     /// Shunts, behind the losses.
     pub shunts: Vec<Box<dyn Shunt>>,
     /// What elements take here that are spread over several nodes, or what is drawn off, behind the losses, m³/s.
@@ -218,24 +280,28 @@ impl Node {
     /// Steady state: returns head and flow before the node from those behind it.
     pub fn settle(&mut self, head_m: f64, flow_m3_s: f64) -> (f64, f64) {
         let flow = flow_m3_s + self.taken_m3_s + self.shunts.iter_mut().map(|s| s.settle(head_m)).sum::<f64>();
-        (head_m + self.losses.iter_mut().map(|l| l.settle(flow)).sum::<f64>(), flow)
+        let drops = self.losses.iter_mut().map(|l| l.settle(flow)).chain(self.laws.iter_mut().map(|l| l.settle(flow)));
+        (head_m + drops.sum::<f64>(), flow)
     }
 
     /// Whether it is a plain joint without elements of its own.
     #[inline]
     pub fn is_plain(&self) -> bool {
-        self.losses.is_empty() && self.shunts.is_empty()
+        self.losses.is_empty() && self.shunts.is_empty() && self.laws.is_empty()
     }
 
     /// Head that the losses take of a steady flow, and its derivative.
     pub fn steady_drop_m(&self, flow_m3_s: f64) -> (f64, f64) {
         let k: f64 = self.losses.iter().map(|l| l.k).sum();
-        (k * flow_m3_s * flow_m3_s.abs(), 2.0 * k * flow_m3_s.abs())
+        let of_losses = (k * flow_m3_s * flow_m3_s.abs(), 2.0 * k * flow_m3_s.abs());
+        self.laws.iter().map(|l| l.law.steady_drop_m(flow_m3_s)).fold(of_losses, |sum, d| (sum.0 + d.0, sum.1 + d.1))
     }
 
     /// Head that the losses take at a flow, and its derivative.
     fn drop_m(&self, flow_m3_s: f64) -> (f64, f64) {
-        self.losses.iter().map(|l| l.drop_m(flow_m3_s)).fold((0.0, 0.0), |sum, d| (sum.0 + d.0, sum.1 + d.1))
+        let drops =
+            self.losses.iter().map(|l| l.drop_m(flow_m3_s)).chain(self.laws.iter().map(|l| l.drop_m(flow_m3_s)));
+        drops.fold((0.0, 0.0), |sum, d| (sum.0 + d.0, sum.1 + d.1))
     }
 
     /// Solves the node and advances its elements. `onward` is the flow that goes on at a head behind the losses, and
@@ -273,7 +339,7 @@ impl Node {
     #[inline]
     pub fn find_between(&self, left: Arriving, right: Arriving, guess_m: f64) -> Solved {
         match &self.losses[..] {
-            [loss] if self.shunts.is_empty() => loss.between(left, right, self.taken_m3_s),
+            [loss] if self.shunts.is_empty() && self.laws.is_empty() => loss.between(left, right, self.taken_m3_s),
             _ => {
                 let by_z = 1.0 / right.z;
                 self.find(left, |h| ((h - right.e) * by_z, by_z), guess_m)
@@ -289,6 +355,9 @@ impl Node {
         }
         for loss in &mut self.losses {
             loss.advance(solved.left_flow_m3_s);
+        }
+        for law in &mut self.laws {
+            law.advance(solved.left_flow_m3_s);
         }
     }
 }

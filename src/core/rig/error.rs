@@ -26,6 +26,14 @@ pub enum RigError {
         #[source]
         source: std::io::Error,
     },
+    /// An effect of one's own cannot be read.
+    #[error("cannot read the effect {}: {said}", path.shown())]
+    Effect {
+        /// The file or folder.
+        path: PathBuf,
+        /// What is wrong.
+        said: String,
+    },
     /// The file has errors.
     #[error("{}", list(file, problems))]
     Invalid {

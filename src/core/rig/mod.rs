@@ -27,6 +27,7 @@ pub mod limits;
 pub(crate) mod live;
 pub mod material;
 pub(crate) mod network;
+pub mod own_effects;
 pub(crate) mod parse;
 pub(crate) mod sensors;
 pub mod sizes;

@@ -8,6 +8,7 @@ use crate::rig::device::Port;
 use crate::rig::error::RigError;
 use crate::rig::graph::Graph;
 use crate::rig::network::Nodes;
+use crate::rig::own_effects::{OwnEffects, alone, remember};
 use crate::rig::table::Limits;
 use crate::rig::table::{At, FINITE, NOT_NEGATIVE, POSITIVE, Section, Source, nearest, share};
 use crate::rig::types::{Constraint, Fluid, Pipe, Rig, SteadyState, Tolerance, Upstream, Valve};
@@ -17,7 +18,7 @@ use crate::shown::Shown as _;
 use crate::text_file::read_text;
 
 const TOP: &[&str] =
-    &["name", "fluid", "pipe", "upstream", "downstream", "sensor", "device", "steady", "tolerance", "node"];
+    &["name", "fluid", "pipe", "upstream", "downstream", "sensor", "device", "steady", "tolerance", "node", "effects"];
 const FLUID: &[&str] = &["name", "temperature_degC"];
 const PIPE: &[&str] = &[
     "name",
@@ -78,7 +79,7 @@ impl Rig {
                 command.folder = Some(folder.to_owned());
             }
         }
-        Ok(rig)
+        rig.with_effects_beside(folder)
     }
 
     /// Reads the text of a rig file; errors name the file `file_name`.
@@ -158,6 +159,8 @@ fn read(source: &Source<'_>) -> Option<Rig> {
     }
     let steady = many(source, top, "steady", "[[steady]]", STEADY).iter().filter_map(read_steady).collect();
 
+    let own_effects = read_effects(source, top)?;
+
     let Joined { graph, upstream, valve } = joined?;
     Some(Rig {
         name: name?.value.to_owned(),
@@ -169,8 +172,24 @@ fn read(source: &Source<'_>) -> Option<Rig> {
         sensors,
         devices: devices.into_iter().filter_map(|(_, device)| device).collect(),
         steady,
-        source: source.text.to_owned(),
+        source: alone(source.text).to_owned(),
+        own_effects,
     })
+}
+
+/// The effects that a recording keeps behind the rig's text.
+fn read_effects(source: &Source<'_>, top: &DeTable<'_>) -> Option<OwnEffects> {
+    let Some((key, table)) = top.get_key_value("effects") else { return Some(OwnEffects::new()) };
+    let text = |value: &DeValue<'_>| value.as_str().map(str::to_owned);
+    let kept = alone(source.text).len() < source.text.len();
+    let effects = table.get_ref().as_table().filter(|_| kept).and_then(|table| {
+        table.iter().map(|(name, value)| Some((name.get_ref().to_string(), text(value.get_ref())?))).collect()
+    });
+    if effects.is_none() {
+        let message = "only recordings have effects in the text of their rig: write each into a file effects/NAME.toml beside the rig file";
+        source.report(Some(key.span()), message);
+    }
+    effects.inspect(remember)
 }
 
 /// How the pipes are joined, and what is at their ends.

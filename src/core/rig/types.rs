@@ -1,5 +1,7 @@
 //! The rig as plain data: fluid, pipes, ends, sensors.
 
+use std::collections::BTreeMap;
+
 use crate::rig::device::{Device, Wiring};
 use crate::rig::graph::{Graph, Place};
 use crate::units::Unit;
@@ -27,6 +29,8 @@ pub struct Rig {
     pub steady: Vec<SteadyState>,
     /// The file's text, kept to be attached to recordings unchanged.
     pub source: String,
+    /// Effects of its own, as text: the files `effects/NAME.toml` beside it.
+    pub own_effects: BTreeMap<String, String>,
 }
 
 /// How exactly a pipe's dimensions are known: standard deviations, as shares.

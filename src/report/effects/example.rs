@@ -13,11 +13,19 @@ use crate::simulate::scenario::{Scenario, ValveForm};
 /// The rig on which an effect shows its parameters and what it does.
 const RIG: &str = include_str!("../../../rigs/demo-hdpe.toml");
 /// Periods shown.
-const PERIODS: f64 = 5.0;
+pub const PERIODS: f64 = 5.0;
 /// Head before the valve at which the water of that rig boils when it closes, m: some effects only show there.
 const LOW_HEAD_M: f64 = 1.0;
 /// Differences below this part of the record's range are hard to see.
 const UNSEEN: f64 = 1.6e-2;
+
+/// That rig.
+///
+/// # Errors
+/// None: it ships with the project.
+pub fn demo_rig() -> Result<Rig, crate::rig::RigError> {
+    Rig::from_toml(RIG, "rigs/demo-hdpe.toml")
+}
 
 /// What an effect does to the record of one sensor.
 pub struct Example {
@@ -40,14 +48,22 @@ impl Example {
     /// # Errors
     /// An effect that cannot be simulated on the example rig.
     pub fn of(chosen: &Chosen) -> Result<Example, Box<dyn std::error::Error + Send + Sync>> {
-        let usual = Example::under(chosen, &[])?;
+        Example::on(&demo_rig()?, chosen)
+    }
+
+    /// The same on another rig.
+    ///
+    /// # Errors
+    /// An effect that cannot be simulated on it.
+    pub fn on(rig: &Rig, chosen: &Chosen) -> Result<Example, Box<dyn std::error::Error + Send + Sync>> {
+        let usual = Example::under(rig, chosen, &[])?;
         if usual.shows() {
             return Ok(usual);
         }
         let twice = |p: &Parameter| p.vanishes_at.map(|none| (p.name.clone(), none + 2.0 * (p.start - none)));
         let strong: Vec<_> = usual.parameters.iter().filter_map(twice).collect();
         for settings in [strong, vec![("valve_head_m".into(), LOW_HEAD_M)]] {
-            let other = Example::under(chosen, &settings)?;
+            let other = Example::under(rig, chosen, &settings)?;
             if other.shows() {
                 return Ok(other);
             }
@@ -55,8 +71,11 @@ impl Example {
         Ok(usual)
     }
 
-    fn under(chosen: &Chosen, settings: &[(String, f64)]) -> Result<Example, Box<dyn std::error::Error + Send + Sync>> {
-        let rig = Rig::from_toml(RIG, "rigs/demo-hdpe.toml")?;
+    fn under(
+        rig: &Rig,
+        chosen: &Chosen,
+        settings: &[(String, f64)],
+    ) -> Result<Example, Box<dyn std::error::Error + Send + Sync>> {
         let scenario = Scenario::new(rig.clone(), std::slice::from_ref(chosen), ValveForm::Linear, settings)?;
         let site = Site {
             rig: &scenario.rig,
@@ -68,7 +87,7 @@ impl Example {
         let parameters = chosen.effect.parameters(&site, elements);
         let of_test: Vec<_> =
             settings.iter().filter(|(name, _)| parameters.iter().all(|p| p.name != *name)).cloned().collect();
-        let base = Scenario::new(rig, &[], ValveForm::Linear, &of_test)?;
+        let base = Scenario::new(rig.clone(), &[], ValveForm::Linear, &of_test)?;
         let duration_s = PERIODS * base.period_s();
         let names: Vec<String> = scenario.rig.pressure_sensors().map(|(_, s)| s.name.clone()).collect();
         let at = names.iter().position(|n| chosen.sensor.as_ref() == Some(n)).unwrap_or(0);

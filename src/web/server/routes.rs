@@ -21,7 +21,7 @@ use serde::de::DeserializeOwned;
 use serde_json::json;
 use tokio::sync::Semaphore;
 
-use crate::model::effects::CATALOGUE;
+use crate::model::effects::{CATALOGUE, catalogue_of};
 use crate::report::effects::json::about;
 use crate::watch::evaluate::sentence;
 use crate::web::server::answers::{Answer, download, of_json, refusal};
@@ -34,6 +34,7 @@ use crate::web::session::bench::Bench;
 use crate::web::session::jobs::Busy;
 use crate::web::session::place::NoSuchRun;
 use crate::web::session::samples::Stretch;
+use serde_json::Value;
 
 use crate::results::parquet::{Column, parquet};
 use crate::web::view::curves::{Question, of_all, of_sensor, simulate};
@@ -55,6 +56,12 @@ pub struct App {
     solves: Semaphore,
 }
 
+/// The effects that a model of the rig in use can have.
+fn effects(session: &Session) -> Value {
+    let all = session.rig().map_or_else(|| CATALOGUE.to_vec(), |rig| catalogue_of(&rig));
+    all.into_iter().map(about).collect()
+}
+
 /// All routes, `more` among them, behind one guard.
 pub fn router(session: Arc<Session>, guard: Arc<Guard>, more: Router<Arc<App>>) -> Router {
     let cores = std::thread::available_parallelism().map_or(1, NonZero::get);
@@ -63,7 +70,7 @@ pub fn router(session: Arc<Session>, guard: Arc<Guard>, more: Router<Arc<App>>) 
         .route("/", get(|| async { assets::page() }))
         .route("/assets/{name}", get(|Path(name): Path<String>| async move { assets::answer(&name) }))
         .route("/api/state", get(|State(app): State<Arc<App>>| calm(move || Ok(of_json(&state::json(&app.session))))))
-        .route("/api/effects", get(|| async { of_json(&CATALOGUE.iter().map(|e| about(*e)).collect()) }))
+        .route("/api/effects", get(|State(app): State<Arc<App>>| calm(move || Ok(of_json(&effects(&app.session))))))
         .route("/api/events", get(events))
         .route("/api/curves", get(curves))
         .route("/api/curves.csv", get(curves_csv))

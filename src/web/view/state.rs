@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use serde_json::{Value, json};
 
-use crate::model::effects::{CATALOGUE, Effect, Site};
+use crate::model::effects::{Effect, Site, catalogue_of};
 use crate::report::rig_plan::Plan;
 use crate::report::view::panel::OwnUnit;
 use crate::results::fit_record::recorded_at;
@@ -189,9 +189,11 @@ fn located(rig: &Rig) -> Vec<Value> {
     let site = Site { rig, water: &water, period_s: 2.0 * return_time_s(rig, &water), line: rig.graph.line_to_valve() };
     let of = |effect: &&'static dyn Effect| {
         let parameters = effect.parameters(&site, 1);
-        let place = |ending: &str| parameters.iter().find(|p| p.name.ends_with(ending)).map(|p| p.name.clone());
+        let place = |ending: &str| {
+            parameters.iter().find(|p| p.name.ends_with(ending) || p.name == ending[1..]).map(|p| p.name.clone())
+        };
         let (from, to) = (place("_position_m").or(place("_start_m")), place("_end_m"));
         from.map(|from| json!({ "effect": effect.name(), "from": from, "to": to }))
     };
-    CATALOGUE.iter().filter(|effect| effect.impossible(rig).is_none()).filter_map(of).collect()
+    catalogue_of(rig).iter().filter(|effect| effect.impossible(rig).is_none()).filter_map(of).collect()
 }

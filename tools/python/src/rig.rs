@@ -117,7 +117,7 @@ impl Rig {
     }
 
     fn __eq__(&self, other: &Bound<'_, PyAny>) -> bool {
-        other.cast::<Rig>().is_ok_and(|other| other.get().0.source == self.0.source)
+        other.cast::<Rig>().is_ok_and(|other| other.get().0.stored_text() == self.0.stored_text())
     }
 
     fn __hash__(&self) -> u64 {
@@ -129,7 +129,7 @@ impl Rig {
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         let stored = py.get_type::<Rig>().getattr("_stored")?;
-        Ok((stored, PyTuple::new(py, [self.0.source.as_str(), self.0.name.as_str()])?))
+        Ok((stored, PyTuple::new(py, [self.0.stored_text().as_str(), self.0.name.as_str()])?))
     }
 
     /// From the text that a recording keeps, as pickles do.

@@ -115,7 +115,7 @@ fn remedy(baseline: &Baseline, [one, other]: [&Answer; 2]) -> Option<String> {
     }
     let model = baseline.model(&one.effects);
     let mut own = model.parameters_of(one.effects.len() - 1);
-    let at = own.find(|&j| model.shared[j].name.ends_with("_position_m")).map(|j| one.values[j]);
+    let at = own.find(|&j| model.shared[j].name.contains("position_m")).map(|j| one.values[j]);
     let line = blamed.line(baseline.rig);
     let at = at.map(|position_m| baseline.rig.place_words(crate::rig::Place { line, position_m }));
     blamed.effect.remedy(at.as_deref(), blamed.sensor.as_deref())

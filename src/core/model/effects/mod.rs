@@ -32,9 +32,12 @@ pub(crate) mod viscoelastic_wall;
 pub use crate::model::chosen::{Chosen, boils, excluded, name_of};
 pub use crate::model::effect::{Attachment, Circumstances, Effect, Element, Place, SHOWN, check};
 use crate::model::error::ModelError;
+use crate::model::own;
 pub use crate::model::scene::{ATMOSPHERE_PA, Scene, Site, Spot, vapour_head_m};
+use crate::rig::Rig;
+use crate::rig::own_effects::known_names;
 
-/// Every effect that a model can have.
+/// Every effect that a model can have, besides those of a rig's own.
 pub static CATALOGUE: &[&dyn Effect] = &[
     &crate::model::effects::viscoelastic_wall::ViscoelasticWall,
     &crate::model::effects::unsteady_friction::UnsteadyFriction,
@@ -54,6 +57,22 @@ pub static CATALOGUE: &[&dyn Effect] = &[
     &crate::model::effects::sensor_gain::SensorGain,
 ];
 
+/// The effects that a model of a rig can have: the catalogue, and those of its own. A faulty one is left out:
+/// [`own::of_rig`](crate::model::own::of_rig) says what is wrong with it.
+pub fn catalogue_of(rig: &Rig) -> Vec<&'static dyn Effect> {
+    CATALOGUE.iter().copied().chain(rig.own_effects.keys().filter_map(|name| own_of(rig, name))).collect()
+}
+
+/// The effect of a rig's own of that name.
+fn own_of(rig: &Rig, name: &str) -> Option<&'static dyn Effect> {
+    own::compiled(name, rig.own_effects.get(name)?).ok().map(|own| own as &dyn Effect)
+}
+
+/// All effects of the catalogue, and their variants.
+fn variants() -> impl Iterator<Item = &'static dyn Effect> {
+    CATALOGUE.iter().flat_map(|e| std::iter::once(*e).chain(e.variants().iter().copied()))
+}
+
 /// Parses a comma-separated list of effects; `none` or an empty list is the base model.
 ///
 /// # Errors
@@ -70,18 +89,11 @@ pub fn parse_list(text: &str) -> Result<Vec<Chosen>, ModelError> {
             Some((name, number)) => (name, Some(number)),
             None => (item, None),
         };
-        let all: Vec<&'static dyn Effect> =
-            CATALOGUE.iter().flat_map(|e| std::iter::once(*e).chain(e.variants().iter().copied())).collect();
-        let effect = all.iter().copied().find(|e| e.name() == name).ok_or_else(|| {
-            let known: Vec<_> = all.iter().map(|e| e.name()).collect();
-            let nearest =
-                known.iter().max_by(|a, b| strsim::jaro_winkler(name, a).total_cmp(&strsim::jaro_winkler(name, b)));
-            ModelError::UnknownEffect {
-                name: name.to_owned(),
-                nearest: nearest.map_or(String::new(), |n| (*n).to_owned()),
-                known: known.join(", "),
-            }
-        })?;
+        let of_catalogue = variants().find(|e| e.name() == name);
+        let effect = match of_catalogue {
+            Some(effect) => effect,
+            None => own::named(name)?.ok_or_else(|| unknown(name))?,
+        };
         let elements = match (number, effect.elements()) {
             (None, _) => None,
             (Some(number), Some(range)) => {
@@ -106,6 +118,16 @@ pub fn parse_list(text: &str) -> Result<Vec<Chosen>, ModelError> {
         chosen.push(Chosen { effect, elements, sensor, pipe });
     }
     Ok(chosen)
+}
+
+fn unknown(name: &str) -> ModelError {
+    let known: Vec<String> = variants().map(|e| e.name().to_owned()).chain(known_names()).collect();
+    let nearest = known.iter().max_by(|a, b| strsim::jaro_winkler(name, a).total_cmp(&strsim::jaro_winkler(name, b)));
+    ModelError::UnknownEffect {
+        name: name.to_owned(),
+        nearest: nearest.cloned().unwrap_or_default(),
+        known: known.join(", "),
+    }
 }
 
 /// Why there is no setting such as `leak_pipe`: the pipe stands behind the effect's name.

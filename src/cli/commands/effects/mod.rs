@@ -1,4 +1,7 @@
-//! `surgescope effects`: the catalogue, and what each effect is and does.
+//! `surgescope effects`: the catalogue, what each effect is and does, and effects of one's own.
+
+mod check;
+mod new;
 
 use std::path::PathBuf;
 
@@ -14,9 +17,12 @@ use crate::report::effects::json::{about, described, example as example_json};
 use crate::report::effects::text::{explained, list, table};
 use crate::storage::output;
 
-/// List the effects that a model can have, or explain one.
+/// List the effects that a model can have, explain one, or write and check one of your own.
 #[derive(Debug, clap::Args)]
+#[command(args_conflicts_with_subcommands = true)]
 pub struct Args {
+    #[command(subcommand)]
+    action: Option<Action>,
     /// Effect to explain, such as valve-law or viscoelastic-wall:2 [default: list all].
     #[arg(value_name = "NAME", value_parser = one_effect)]
     effect: Option<Chosen>,
@@ -25,11 +31,22 @@ pub struct Args {
     svg: Option<PathBuf>,
 }
 
+#[derive(Debug, clap::Subcommand)]
+enum Action {
+    New(new::Args),
+    Check(check::Args),
+}
+
 /// Runs it.
 ///
 /// # Errors
-/// An effect that cannot be simulated on the example's rig, a chart that cannot be written.
+/// Those of each action; an effect that cannot be simulated on the example's rig, a chart that cannot be written.
 pub fn run(args: Args, json: bool) -> CommandResult {
+    match args.action {
+        Some(Action::New(args)) => return new::run(&args, json),
+        Some(Action::Check(args)) => return check::run(&args, json),
+        None => {}
+    }
     let Some(chosen) = args.effect else {
         if json {
             let list: Vec<Value> = CATALOGUE.iter().map(|e| about(*e)).collect();

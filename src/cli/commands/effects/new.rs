@@ -1,0 +1,53 @@
+//! `surgescope effects new`: a commented start of an effect of one's own.
+
+use std::path::PathBuf;
+
+use serde_json::json;
+
+use crate::cli::console::document::say_document;
+use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::print::say_text;
+use crate::model::own::file::read;
+use crate::rig::own_effects::{FOLDER, stem};
+use crate::shown::Shown as _;
+use crate::storage::output;
+
+/// Write the start of an effect of your own, with a comment on each line.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Name of the effect, in lower-case letters, digits and '-', such as relief-valve.
+    name: String,
+    /// File to write; the folder `effects` belongs beside the rig file [default: effects/NAME.toml].
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+}
+
+/// A relief valve: it names every key.
+const START: &str = include_str!("start.toml");
+
+/// Runs it.
+///
+/// # Errors
+/// A name that no effect may have, a file that is there already or cannot be written.
+pub fn run(args: &Args, json: bool) -> CommandResult {
+    let path = args.output.clone().unwrap_or_else(|| PathBuf::from(FOLDER).join(format!("{}.toml", args.name)));
+    if stem(&path) != args.name {
+        return Err(format!("the file of an effect has its name: write -o …/{}.toml", args.name).into());
+    }
+    if crate::model::effects::CATALOGUE.iter().any(|e| e.name() == args.name) {
+        return Err(format!("'{}' is an effect of the catalogue: choose another name", args.name).into());
+    }
+    let text = START.replace("NAME", &args.name);
+    read(&text, &path.shown(), &args.name)?;
+    if let Some(folder) = path.parent().filter(|f| !f.as_os_str().is_empty()) {
+        std::fs::create_dir_all(folder).map_err(|e| format!("cannot make the folder {}: {e}", folder.shown()))?;
+    }
+    output::write_new(&path, &text, false)?;
+    if json {
+        say_document(json!({ "file": path.to_string_lossy() }))?;
+    } else {
+        let shown = path.shown();
+        say_text!(format_args!("{shown} written. Change it, then: surgescope effects check {shown}\n"));
+    }
+    Ok(Outcome::Done)
+}
