@@ -185,6 +185,7 @@ fn rig(name: &str) -> Rig {
         wiring: None,
     };
     Rig {
+        own_effects: Default::default(),
         graph: surgescope_core::rig::Graph::in_series(1),
         name: name.into(),
         fluid: Fluid { name: "water".into(), temperature_degc: 20.0 },
