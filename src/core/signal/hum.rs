@@ -3,8 +3,17 @@
 use std::f64::consts::TAU;
 
 use crate::robust::NOT_BY_CHANCE;
-use crate::signal::noise::Tone;
 use crate::signal::spectrum::Spectrum;
+
+/// A lasting oscillation.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+pub struct Tone {
+    /// Its frequency, or an alias of it, Hz.
+    #[serde(rename = "frequency_hz")]
+    pub hz: f64,
+    /// Its amplitude, m.
+    pub amplitude_m: f64,
+}
 
 /// Frequencies of the mains, Hz.
 const MAINS_HZ: [f64; 2] = [50.0, 60.0];

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use crate::robust::{MEDIAN_TO_SD, median};
-use crate::signal::hum::take_hum;
+use crate::signal::hum::{Tone, take_hum};
 use crate::signal::interpolated::{Corners, corners};
 use crate::signal::spectrum::Spectrum;
 
@@ -31,16 +31,6 @@ pub struct Noise {
     pub line: Option<Tone>,
     /// The points between which the record was interpolated, if it was: its noise is theirs.
     pub corners: Option<Corners>,
-}
-
-/// A lasting oscillation.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
-pub struct Tone {
-    /// Its frequency, or an alias of it, Hz.
-    #[serde(rename = "frequency_hz")]
-    pub hz: f64,
-    /// Its amplitude, m.
-    pub amplitude_m: f64,
 }
 
 /// Three limits of an oscillation: the share of the variance that is not white from which it is looked for; the

@@ -17,7 +17,7 @@ use crate::report::effects::json::{about, described, example as example_json};
 use crate::report::effects::text::{explained, list, table};
 use crate::storage::output;
 
-/// List the effects that a model can have, explain one, or write and check one of your own.
+/// List or explain the effects of a model, or write and check one of your own.
 #[derive(Debug, clap::Args)]
 #[command(args_conflicts_with_subcommands = true)]
 pub struct Args {
