@@ -8,7 +8,7 @@ use crate::recording::Recording;
 use crate::rig::Rig;
 use crate::rig::check::return_time_s;
 use crate::signal::faults::examine;
-use crate::signal::window::used;
+use crate::signal::window::Window;
 use crate::storage::LogError;
 use crate::storage::import::{ImportOptions, Imported, SourceOptions, import_file};
 
@@ -49,10 +49,11 @@ impl ImportError {
 
 /// What stands against a recording that was read onto its rig: pressures that cannot be what the file says. Of those that are `scaled` somebody said
 /// what they stand for. Where a file is not `alone`, what contradicts a sensor in another one may be its clock.
-pub fn misread_in(recording: Recording, scaled: &[bool], alone: bool) -> Option<Misread> {
-    let used = used(recording).0;
-    let faults = if alone { examine(&used).1 } else { Vec::new() };
-    misread(&used, &faults, scaled)
+pub fn misread_in(recording: &Recording, scaled: &[bool], alone: bool) -> Option<Misread> {
+    let cut = Window::of(recording).map(|window| window.cut(recording));
+    let used = cut.as_ref().unwrap_or(recording);
+    let faults = if alone { examine(used).1 } else { Vec::new() };
+    misread(used, &faults, scaled)
 }
 
 /// Reads a file onto the sensors of a rig; sensors that it lacks stay empty where it is not `alone`.
@@ -68,7 +69,7 @@ pub fn import(
 ) -> Result<Imported, ImportError> {
     let read = |source: &SourceOptions| {
         let imported = import_file(path, rig, options, source, alone)?;
-        match misread_in(imported.recording.clone(), &imported.scaled, alone) {
+        match misread_in(&imported.recording, &imported.scaled, alone) {
             Some(misread) => Err(LogError::SourceFile { path: path.into(), why: misread.to_string() }),
             None => Ok(imported),
         }

@@ -119,7 +119,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         if let Some(long) = busy(file, || long.run(&mut on_sample))? {
             let used = passing.finish(long.gaps, long.run);
             let scaled = vec![false; rig.sensors.len()];
-            if let Some(misread) = misread_in(used.clone(), &scaled, true) {
+            if let Some(misread) = misread_in(&used, &scaled, true) {
                 std::fs::remove_file(&output)?;
                 return Err(format!("{}: {misread}", file.shown()).into());
             }

@@ -88,7 +88,7 @@ pub(crate) fn noise(lead: &[f64], whole: &[f64], interval_s: f64) -> Noise {
     let residual = detrended(&despiked(lead));
     let n = residual.len() as f64;
     let total_sd_m = spread(&residual).max(floor);
-    let correlation = |lag: usize| correlation(&residual, lag);
+    let correlation = autocorrelation(&residual);
     let lag1_autocorrelation = correlation(1);
     let coloured = lag1_autocorrelation.abs() > 3.0 / n.sqrt();
     // initial positive sequence: stop the sum where the correlation drowns in its own scatter
@@ -127,10 +127,10 @@ fn spread(residual: &[f64]) -> f64 {
     robust((energy / (residual.len() as f64 - 2.0)).sqrt(), residual, MEDIAN_TO_SD).0
 }
 
-/// Autocorrelation at a lag.
-fn correlation(residual: &[f64], lag: usize) -> f64 {
+/// Autocorrelation, by its lag.
+fn autocorrelation(residual: &[f64]) -> impl Fn(usize) -> f64 {
     let energy: f64 = residual.iter().map(|r| r * r).sum();
-    residual.iter().zip(&residual[lag..]).map(|(a, b)| a * b).sum::<f64>() / energy.max(f64::MIN_POSITIVE)
+    move |lag| residual.iter().zip(&residual[lag..]).map(|(a, b)| a * b).sum::<f64>() / energy.max(f64::MIN_POSITIVE)
 }
 
 /// The lasting oscillation of a disturbance, if it has one, by the standard deviations of its white part and of all.
@@ -141,10 +141,10 @@ fn lasting(residual: &[f64], [white_sd_m, total_sd_m]: [f64; 2], interval_s: f64
         return None;
     }
     let longest = (residual.len() / 2).min(LONGEST_LINE_LAG);
-    let correlated: Vec<f64> = (1..longest).map(|lag| correlation(residual, lag)).collect();
-    let first_zero = correlated.iter().position(|c| *c < 0.0)?;
-    let keeps = |(lag, c): (usize, &f64)| *c > LINE * slow * (1.0 - (lag + 1) as f64 / residual.len() as f64);
-    let lasts = correlated.iter().enumerate().skip(first_zero).any(keeps);
+    let correlation = autocorrelation(residual);
+    let first_zero = (1..longest).find(|&lag| correlation(lag) < 0.0).unwrap_or(longest);
+    let keeps = |lag: usize| correlation(lag) > LINE * slow * (1.0 - lag as f64 / residual.len() as f64);
+    let lasts = (first_zero..longest).any(keeps);
     if lasts { strongest(residual, total_sd_m * (2.0 * slow).sqrt(), interval_s) } else { None }
 }
 
