@@ -16,13 +16,12 @@ pub mod until_done;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use crate::diagnose::exchange::exchanged;
-use crate::diagnose::needless::without_needless;
+use crate::diagnose::growing::{Growing, Step};
 use crate::diagnose::{Diagnosis, diagnose, diagnose_fit, grow};
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
 use crate::fit::progress::{OnProgress, Progress};
-use crate::fit::search::calibrate::without;
+use crate::fit::search::calibrate::{calibrate, without};
 use crate::fit::search::nested::with_more_elements;
 use crate::fit::search::options::Options;
 use crate::model::effects::{Chosen, parse_list};
@@ -212,7 +211,9 @@ impl Study {
     /// # Errors
     /// A recording with a faulty sensor, a model that cannot be simulated.
     pub fn diagnose(&self, fit: &Fit) -> Result<Diagnosis> {
-        self.diagnose_next(fit.clone(), None, &fit.effects, &options_of(fit))
+        self.recordings.iter().try_for_each(Loaded::require_sound)?;
+        let options = options_of(fit);
+        Ok(diagnose_fit(&self.rig, &self.runs, &fit.effects, fit.clone(), &options, self.watcher())?)
     }
 
     /// Fits the model with `effects` and diagnoses it; where a number of elements is left open, it is open for all models compared.
@@ -222,23 +223,6 @@ impl Study {
     pub fn diagnose_model(&self, effects: &[Chosen], options: &Options) -> Result<Diagnosis> {
         self.recordings.iter().try_for_each(Loaded::require_sound)?;
         Ok(diagnose(&self.rig, &self.runs, effects, options, self.watcher())?)
-    }
-
-    /// The fitted model without the effect that it no longer needs, if there is one, and that effect; those that are `kept` stay.
-    pub fn without_needless(&self, fit: &Fit, kept: &[Chosen], options: &Options) -> Option<(Fit, Chosen)> {
-        without_needless(&self.rig, &self.runs, fit, kept, options, self.watcher())
-    }
-
-    /// The diagnosis of the fitted model without one of its effects, where another one is better in its place, and that effect; those that are
-    /// `settled` stay. The model has `grown` out of a smaller one.
-    pub fn exchanged(
-        &self,
-        fit: &Fit,
-        settled: &[Chosen],
-        grown: &Fit,
-        options: &Options,
-    ) -> Option<(Diagnosis, Chosen)> {
-        exchanged(&self.rig, &self.runs, fit, settled, grown, options, self.watcher())
     }
 
     /// The fitted model without one of its effects, refitted from where the rest stands.
@@ -251,20 +235,21 @@ impl Study {
         Ok(without(&self.rig, &self.runs, fit, i, &options_of(fit), self.watcher())?)
     }
 
-    /// As [`Study::diagnose_model`], of a model that is fitted already with these options. It may have `grown` out of a smaller one by effects that
-    /// were found missing: a further one must take more than what the models of those may err by.
-    ///
-    /// # Errors
-    /// As [`Study::diagnose`].
-    pub fn diagnose_next(
-        &self,
-        fit: Fit,
-        grown: Option<&Fit>,
-        effects: &[Chosen],
-        options: &Options,
-    ) -> Result<Diagnosis> {
+    /// A model with `effects` that grew out of one with those of `start`, both fitted, ready to grow on.
+    pub(crate) fn growing(&self, start: &[Chosen], effects: &[Chosen], options: &Options) -> Result<Growing> {
         self.recordings.iter().try_for_each(Loaded::require_sound)?;
-        Ok(diagnose_fit(&self.rig, &self.runs, effects, fit, grown, options, self.watcher())?)
+        let (rig, runs) = (&self.rig, &self.runs);
+        let has = |c: &Chosen| effects.iter().any(|own| own.effect.name() == c.effect.name());
+        if start.len() == effects.len() || !start.iter().all(has) {
+            return Ok(Growing::starting(rig, runs, effects, options, self.watcher())?);
+        }
+        let fit = calibrate(rig, runs, effects, options, self.watcher())?;
+        Ok(Growing::starting(rig, runs, start, options, self.watcher())?.grown_to(rig, runs, fit)?)
+    }
+
+    /// See [`Growing::step`].
+    pub(crate) fn grow_on(&self, growing: &mut Growing) -> Result<Option<Step>> {
+        Ok(growing.step(&self.rig, &self.runs, self.watcher())?)
     }
 
     /// The model of a fit with one effect more, and the evidence for it. Of an effect that the model has with fewer elements, as many are

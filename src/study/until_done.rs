@@ -1,15 +1,15 @@
-//! The loop of a diagnosis: what is missing is added, what is no longer needed goes, until nothing is missing or no effect explains the rest.
+//! A diagnosis that goes on: what is missing is added, what is no longer needed goes, until nothing is missing or no effect explains the rest.
 
-use crate::diagnose::{Diagnosis, Verdict};
+use crate::diagnose::Diagnosis;
+use crate::diagnose::growing::{self, Growing};
 use crate::fit::outcome::fit::Fit;
 use crate::fit::search::options::Options;
-use crate::fit::search::sensor_choice::is_open;
 use crate::model::effects::Chosen;
 use crate::study::Study;
 use crate::study::calibrate::Effects;
 use crate::study::error::Result;
 
-/// Most effects that are added one after the other.
+/// Most models that follow the first one.
 const MOST_ADDED: usize = 8;
 
 /// A diagnosis that goes on until it is done, one [`step`](UntilDone::step) after the other.
@@ -22,8 +22,8 @@ const MOST_ADDED: usize = 8;
 /// let mut search = UntilDone::starting("none")?;
 /// while let Some(step) = search.step(&study)? {
 ///     match step {
-///         Step::Diagnosed { .. } => println!("{:?}", search.diagnoses().last().map(|d| d.verdict)),
-///         Step::TakenOut(effect) => println!("{} is no longer needed", effect.label()),
+///         Step::Diagnosed => println!("{:?}", search.diagnoses().last().map(|d| d.verdict)),
+///         Step::TakenOut(effects) => println!("{} effects are no longer needed", effects.len()),
 ///     }
 /// }
 /// for fit in search.models() {
@@ -33,38 +33,21 @@ const MOST_ADDED: usize = 8;
 /// ```
 pub struct UntilDone {
     options: Options,
-    /// The effects of the start model.
     start: Vec<Chosen>,
-    /// The effects of the current model; those whose number of elements or sensor the user left open keep it open.
+    /// The effects that the first model has.
     effects: Vec<Chosen>,
-    /// The effects of the start model and those found last, which were compared with their rivals beside all others.
-    settled: Vec<Chosen>,
+    search: Option<Growing>,
     models: Vec<Fit>,
     diagnoses: Vec<Diagnosis>,
-    next: Next,
-}
-
-/// What comes next.
-#[derive(Clone, Copy, PartialEq)]
-enum Next {
-    Diagnosis,
-    /// To take out what is not needed; the model has `changed` since the last diagnosis.
-    Needless {
-        changed: bool,
-    },
-    Nothing,
 }
 
 /// What a step did.
 #[derive(Debug)]
 pub enum Step {
     /// The current model was diagnosed: see [`UntilDone::diagnoses`].
-    Diagnosed {
-        /// The effect of the model that stood in for what is missing, and was exchanged for it.
-        exchanged: Option<Chosen>,
-    },
-    /// The current model no longer needed this effect, which was taken out.
-    TakenOut(Chosen),
+    Diagnosed,
+    /// The current model did not need these effects, which were taken out.
+    TakenOut(Vec<Chosen>),
 }
 
 impl UntilDone {
@@ -80,11 +63,10 @@ impl UntilDone {
     /// From the model with `effects`, which grew out of one with those of `start`: what was added to that one has to hold its own like what is
     /// added now.
     pub fn grown_from(start: Vec<Chosen>, effects: Vec<Chosen>, options: Options) -> UntilDone {
-        let settled = start.clone();
-        UntilDone { options, start, effects, settled, models: Vec::new(), diagnoses: Vec::new(), next: Next::Diagnosis }
+        UntilDone { options, start, effects, search: None, models: Vec::new(), diagnoses: Vec::new() }
     }
 
-    /// The models, from the start model on.
+    /// The models, from the first one on.
     pub fn models(&self) -> &[Fit] {
         &self.models
     }
@@ -99,75 +81,41 @@ impl UntilDone {
         self.models.len() > MOST_ADDED
     }
 
-    /// Diagnoses the current model and adds what is missing, or takes out one effect that it does not need; none when it is done.
+    /// Diagnoses the current model and adds what is missing, or takes out what it does not need; none when it is done.
     ///
     /// # Errors
     /// As [`Study::diagnose_model`].
     pub fn step(&mut self, study: &Study) -> Result<Option<Step>> {
-        if let (Next::Needless { changed }, Some(fit)) = (self.next, self.models.last()) {
-            if let Some((smaller, gone)) = study.without_needless(fit, &self.settled, &self.options) {
-                self.models.push(smaller);
-                self.next = Next::Needless { changed: true };
-                return Ok(Some(Step::TakenOut(gone)));
-            }
-            let worse = self.diagnoses.last().is_some_and(Diagnosis::predicts_worse);
-            if !changed || worse || self.diagnoses.len() > MOST_ADDED {
-                self.next = Next::Nothing;
-            } else {
-                self.effects = grown(&self.effects, &fit.effects);
-                self.next = Next::Diagnosis;
-            }
-        }
-        if self.next == Next::Nothing {
+        let worse = self.diagnoses.last().is_some_and(Diagnosis::predicts_worse);
+        if worse || self.is_cut_short() {
             return Ok(None);
         }
-        self.diagnose(study).map(Some)
+        if self.search.is_none() {
+            self.search = Some(study.growing(&self.start, &self.effects, &self.options)?);
+        }
+        let Some(search) = &mut self.search else { return Ok(None) };
+        let step = study.grow_on(search)?;
+        Ok(step.map(|step| match step {
+            growing::Step::Diagnosed(found) => {
+                if self.models.is_empty() {
+                    self.models.push(found.start.clone());
+                }
+                self.models.extend(found.answer().cloned());
+                self.diagnoses.push(*found);
+                Step::Diagnosed
+            }
+            growing::Step::TakenOut(fit, gone) => {
+                self.models.push(*fit);
+                Step::TakenOut(gone)
+            }
+        }))
     }
-
-    fn diagnose(&mut self, study: &Study) -> Result<Step> {
-        let first = self.models.first();
-        // what was added is fitted
-        let mut found = match self.models.last() {
-            Some(fit) => study.diagnose_next(fit.clone(), first, &self.effects, &self.options)?,
-            None => study.diagnose_model(&self.effects, &self.options)?,
-        };
-        let mut exchanged = None;
-        if let (None, Some(first), Some(fit)) = (found.answer(), first, self.models.last())
-            && let Some((other, gone)) = study.exchanged(fit, &self.settled, first, &self.options)
-        {
-            self.diagnoses.push(std::mem::replace(&mut found, other));
-            exchanged = Some(gone);
-        }
-        if self.models.is_empty() {
-            self.models.push(found.start.clone());
-        }
-        let added = found.answer().cloned();
-        // where nothing is missing at once, there may be too much
-        let may_shrink = found.verdict == Verdict::NothingMissing && self.models.len() == 1;
-        self.next = match added.is_some() || may_shrink {
-            true => Next::Needless { changed: added.is_some() },
-            false => Next::Nothing,
-        };
-        if let Some(fit) = added.as_ref().or(may_shrink.then_some(&found.start)) {
-            // what was just added has its evidence
-            let is_new = |c: &&Chosen| self.effects.iter().all(|known| known.effect.name() != c.effect.name());
-            self.settled = self.start.iter().chain(fit.effects.iter().filter(is_new)).cloned().collect();
-        }
-        self.models.extend(added);
-        self.diagnoses.push(found);
-        Ok(Step::Diagnosed { exchanged })
-    }
-}
-
-/// The effects of the next step: what was found is added, what had its number left open keeps it open.
-fn grown(asked: &[Chosen], found: &[Chosen]) -> Vec<Chosen> {
-    let open = |c: &Chosen| asked.iter().any(|a| a.effect.name() == c.effect.name() && is_open(a));
-    found.iter().map(|c| if open(c) { Chosen { elements: None, ..c.clone() } } else { c.clone() }).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::diagnose::Verdict;
     use crate::model::effects::parse_list;
 
     fn file(name: &str) -> std::path::PathBuf {
@@ -184,8 +132,8 @@ mod tests {
         let mut search = UntilDone::grown_from(start, effects, options);
         let mut gone = Vec::new();
         while let Some(step) = search.step(&study).unwrap() {
-            if let Step::TakenOut(effect) = step {
-                gone.push(effect.label());
+            if let Step::TakenOut(effects) = step {
+                gone.extend(effects.iter().map(Chosen::label));
             }
         }
         let last = search.models().last().unwrap();

@@ -138,10 +138,7 @@ fn diagnosed(args: Args, json: bool) -> CommandResult {
     let mut unsaved = None;
     while let Some(step) = shown(&mut study, "", |study| search.step(study))? {
         match (step, search.diagnoses(), search.models()) {
-            (Step::Diagnosed { exchanged }, [.., found], _) => {
-                if let Some(gone) = exchanged {
-                    tell!("{} stood in for {} and is exchanged", gone.label(), found.answer_label());
-                }
+            (Step::Diagnosed, [.., found], _) => {
                 if let Some(file) = file.as_mut().filter(|f| f.models.is_empty()) {
                     file.append(&found.start, "the start of a diagnosis", None, now());
                 }
@@ -156,9 +153,10 @@ fn diagnosed(args: Args, json: bool) -> CommandResult {
                 }
             }
             (Step::TakenOut(gone), _, [.., smaller]) => {
-                tell!("{} is no longer needed and is taken out", gone.label());
+                let gone = gone.iter().map(Chosen::label).collect::<Vec<_>>().join(", ");
+                tell!("no longer needed and taken out: {gone}");
                 if let Some(file) = &mut file {
-                    file.append(smaller, &format!("diagnosed: {} is no longer needed", gone.label()), None, now());
+                    file.append(smaller, &format!("diagnosed: no longer needed: {gone}"), None, now());
                 }
             }
             _ => {}

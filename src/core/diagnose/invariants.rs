@@ -90,7 +90,7 @@ fn a_rival_that_comes_late_is_led_to_its_optimum() {
     searched(&rig, &runs, "none", &options, |search| {
         let seat = calibrate(&rig, &runs, &parse_list("valve-seat-leak").unwrap(), &options, &|_| {}).unwrap();
         search.take(seat);
-        search.run(1);
+        search.run(&Vec::new(), 1);
         assert!(search.comparison().is_none(), "all that may be claimed is at its optimum");
         let best = search.leader().unwrap().fit.clone().unwrap();
         // the same place once more, a little aside and hardly fitted

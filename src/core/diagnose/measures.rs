@@ -42,9 +42,8 @@ pub(crate) fn fall(start: &Fit, runs: &[RunData], from: f64, to: f64) -> f64 {
     over_noise(start, runs).powi(2) * (from - to) / square(start)
 }
 
-/// The least fall of the squared error over noise that is worth a model: more than noise does, and more than solvers differ by. Effects that were
-/// found before have `taken` so much of it, and a solver errs by a share of that.
-pub(crate) fn least_fall(runs: &[RunData], taken: f64) -> f64 {
+/// The least fall of the squared error over noise that is worth a model: more than noise does, and more than solvers differ by.
+pub(crate) fn least_fall(runs: &[RunData]) -> f64 {
     let (mut square, mut n) = (0.0, 0.0);
     for sensor in runs.iter().flat_map(|run| &run.sensors) {
         let (low, high) = ends(&sensor.head_m);
@@ -52,7 +51,7 @@ pub(crate) fn least_fall(runs: &[RunData], taken: f64) -> f64 {
         square += samples * (MODEL_ERROR * 0.5 * (high - low) / sensor.total_noise_m).powi(2);
         n += samples;
     }
-    (square / f64::max(n, 1.0)).max(LEAST_FALL.powi(2)) + error_of_effects(taken)
+    (square / f64::max(n, 1.0)).max(LEAST_FALL.powi(2))
 }
 
 /// What two right models of effects differ by, of the squared error over noise, where these effects have `taken` so much of it.

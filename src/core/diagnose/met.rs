@@ -8,6 +8,11 @@ use crate::model::effects::Chosen;
 /// Names of the effects that a model has and the start model lacks, in alphabetical order.
 pub(crate) type Key = Vec<&'static str>;
 
+/// Whether a model has all effects of another.
+pub(crate) fn has_all(key: &[&'static str], of: &[&'static str]) -> bool {
+    of.iter().all(|name| key.contains(name))
+}
+
 /// See the module.
 pub(crate) struct Met {
     pub(crate) key: Key,
@@ -22,6 +27,8 @@ pub(crate) struct Met {
     pub(crate) fitted_from: Option<(Key, f64)>,
     /// What the fit left when the models around it were looked at.
     pub(crate) looked_around: Option<f64>,
+    /// Its elements of creep were pruned, or cannot be.
+    pub(crate) is_pruned: bool,
 }
 
 /// Where a fit of a model may begin, and what it promises to leave.
@@ -46,6 +53,7 @@ impl Met {
             is_at_end: false,
             fitted_from: None,
             looked_around: None,
+            is_pruned: false,
         }
     }
 
@@ -78,6 +86,7 @@ impl Met {
         let same = |known: &Fit| OPTIMUM_REDUCTION * square(known) / known.samples().max(1) as f64;
         if self.fit.as_ref().is_none_or(|known| square(&fit) < square(known) - same(known)) {
             self.is_at_end = false;
+            self.is_pruned = false;
             self.fit = Some(fit);
         }
     }

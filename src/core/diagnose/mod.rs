@@ -11,15 +11,14 @@ pub mod baseline;
 pub mod candidate;
 pub(crate) mod circumstances;
 pub mod evidence;
-pub mod exchange;
 pub(crate) mod fitter;
+pub mod growing;
 #[cfg(test)]
 mod invariants;
 pub mod limits;
 pub(crate) mod measures;
 pub(crate) mod met;
 pub(crate) mod models;
-pub mod needless;
 pub(crate) mod neighbours;
 pub mod next;
 pub(crate) mod outcome;
@@ -37,9 +36,10 @@ pub(crate) mod weigh;
 use crate::diagnose::baseline::Baseline;
 use crate::diagnose::candidate::{Form, forms_of, left_out};
 use crate::diagnose::fitter::Fitter;
+use crate::diagnose::growing::Growing;
 pub use crate::diagnose::limits::NEGLIGIBLE_EVIDENCE;
 use crate::diagnose::limits::{
-    AS_FAST, INDISTINGUISHABLE, LEAST_EVIDENCE, MOST_MISSING, RIG_FILE_IS_WRONG, UNEXPLAINED_OVER_NOISE,
+    AS_FAST, INDISTINGUISHABLE, LEAST_EVIDENCE, RIG_FILE_IS_WRONG, UNEXPLAINED_OVER_NOISE,
 };
 use crate::diagnose::measures::{evidence_scale, over_noise, square};
 use crate::diagnose::models::Search;
@@ -77,11 +77,11 @@ pub fn diagnose(
 ) -> Result<Diagnosis, FitError> {
     progress(&Progress::from("the start model"));
     let start = Start::fitted(rig, runs, effects, options, progress)?;
-    diagnose_start(rig, runs, effects, start, None, options, progress)
+    Growing::of(start, effects, options).diagnosed(rig, runs, progress)
 }
 
 /// The same from a start model that is fitted already, with `options`; `effects` are its effects, which may leave a number of
-/// elements open. It may have `grown` out of a smaller one by effects that were found missing.
+/// elements open.
 ///
 /// # Errors
 /// As [`diagnose`].
@@ -90,32 +90,23 @@ pub fn diagnose_fit(
     runs: &[RunData],
     effects: &[Chosen],
     start: Fit,
-    grown: Option<&Fit>,
     options: &Options,
     progress: &OnProgress<'_>,
 ) -> Result<Diagnosis, FitError> {
-    diagnose_start(rig, runs, effects, Start::of(start), grown, options, progress)
+    Growing::of(Start::of(start), effects, options).diagnosed(rig, runs, progress)
 }
 
-fn diagnose_start(
-    rig: &Rig,
-    runs: &[RunData],
-    effects: &[Chosen],
-    Start { fit: start, held }: Start,
-    grown: Option<&Fit>,
-    options: &Options,
-    progress: &OnProgress<'_>,
-) -> Result<Diagnosis, FitError> {
-    let from = held.as_ref().unwrap_or(&start);
-    let baseline = Baseline::new(rig, runs, from, options)?;
-    let fitter = Fitter { rig, runs, asked: effects, options, progress };
-    let mut search = Search::new(fitter, &start, from, &baseline, grown);
-    search.run(MOST_MISSING);
-    let weighed = weigh(&search);
-    let mut candidates = candidates(&search, &weighed);
+/// What a search that went on from a `state` says of what that lacks.
+fn diagnosis(search: &Search, state: &[&'static str], is_held: bool) -> Result<Diagnosis, FitError> {
+    let Fitter { rig, runs, asked, options, .. } = search.fitter;
+    let start = search.fit_of(state);
+    let own = if state.is_empty() { None } else { Some(Baseline::new(rig, runs, start, options)?) };
+    let baseline = own.as_ref().unwrap_or(search.baseline);
+    let weighed = weigh(search, state);
+    let mut candidates = candidates(search, &weighed);
     let shown = weighed.models.first().is_some_and(|m| m.is_shown && m.evidence > 0.0);
-    let (mut pair, mut rival_pairs) = if shown { (None, Vec::new()) } else { pairs(&search, &weighed) };
-    let (mut verdict, mut other) = verdict::verdict(over_noise(&start, runs), &candidates, pair.as_ref(), shown);
+    let (mut pair, mut rival_pairs) = if shown { (None, Vec::new()) } else { pairs(search, &weighed) };
+    let (mut verdict, mut other) = verdict::verdict(over_noise(start, runs), &candidates, pair.as_ref(), shown);
     // No effect makes a wave faster. Where the record shows one that the pipe of the rig file cannot have, an answer that follows it all the same, or
     // that explains nothing, makes up for a wrong length, wall or material.
     let answered = pair.as_ref().map(|p| &p.fit).or(candidates.first().and_then(|c| c.fit.as_ref()));
@@ -142,7 +133,7 @@ fn diagnose_start(
         verdict,
         probability,
         warnings: Vec::new(),
-        residual_patterns: residual_patterns(&start).iter().map(Pattern::sentence).collect(),
+        residual_patterns: residual_patterns(start).iter().map(Pattern::sentence).collect(),
         candidates,
         pair,
         rival_pairs,
@@ -150,10 +141,10 @@ fn diagnose_start(
         held_out_m: None,
         visible: Vec::new(),
         next_test: None,
-        is_held: held.is_some(),
+        is_held,
         start: start.clone(),
     };
-    diagnosis.warnings = warnings(rig, runs, &diagnosis, effects);
+    diagnosis.warnings = warnings(rig, runs, &diagnosis, asked);
     if rig_file_is_wrong {
         diagnosis.warnings.push(
             "the wave is faster than the rig file's pipe allows, whichever effect is added, and no effect makes a wave faster: correct the pipe's \
@@ -162,10 +153,11 @@ fn diagnose_start(
         );
     }
     match verdict {
-        Verdict::MissingEffect => explain(&search, &weighed, &mut diagnosis),
+        Verdict::MissingEffect => explain(search, baseline, &weighed, &mut diagnosis),
         Verdict::NothingMissing => {
             let forms: Vec<Form> = search.forms_alone();
-            diagnosis.visible = visible(&baseline, &forms, weighed.scale, search.least_fall);
+            let least_fall = search.least_fall_after(search.taken(start));
+            diagnosis.visible = visible(baseline, &forms, weighed.scale, least_fall);
         }
         Verdict::UnknownEffect => {}
     }
@@ -176,14 +168,14 @@ fn diagnose_start(
 fn candidates(search: &Search, weighed: &Weighed) -> Vec<Candidate> {
     let singles: Vec<&WeighedModel> = weighed.models.iter().filter(|m| m.added.len() == 1).collect();
     let candidate = |model: &&WeighedModel| {
+        let effect = model.effect()?;
         let near = singles.iter().filter(|other| {
-            other.met.key != model.met.key
+            other.effect() != model.effect()
                 && other.evidence > LEAST_EVIDENCE
                 && (other.log_odds() - model.log_odds()).abs() < INDISTINGUISHABLE
         });
-        let effect = model.met.key[0];
         let with_others = weighed.models.iter().filter(|m| m.met.key.contains(&effect)).map(|m| m.share);
-        Candidate {
+        Some(Candidate {
             effect,
             label: model.label(),
             probability: with_others.sum(),
@@ -197,11 +189,11 @@ fn candidates(search: &Search, weighed: &Weighed) -> Vec<Candidate> {
             within_class: !model.is_noteworthy,
             parameters: model.parameters.clone(),
             held_out_m: None,
-            indistinguishable_from: near.map(|other| other.met.key[0]).collect(),
+            indistinguishable_from: near.filter_map(|other| other.effect()).collect(),
             fit: model.met.fit.clone(),
-        }
+        })
     };
-    let mut all: Vec<Candidate> = singles.iter().map(candidate).collect();
+    let mut all: Vec<Candidate> = singles.iter().filter_map(candidate).collect();
     all.sort_by(|a, b| b.probability.total_cmp(&a.probability));
     all
 }
@@ -258,7 +250,7 @@ fn follows_too_fast(rig: &Rig, runs: &[RunData], fit: &Fit) -> bool {
 
 /// Adds to the diagnosis of a missing effect: how well the effect predicts the end of the records, and the test that would
 /// tell it from the candidate that the data cannot tell it from.
-fn explain(search: &Search, weighed: &Weighed, diagnosis: &mut Diagnosis) {
+fn explain(search: &Search, baseline: &Baseline, weighed: &Weighed, diagnosis: &mut Diagnosis) {
     let fitter = &search.fitter;
     (fitter.progress)(&Progress::from("predicting the end of the records from their beginning"));
     let predicted = |fit: Option<&Fit>| {
@@ -277,13 +269,13 @@ fn explain(search: &Search, weighed: &Weighed, diagnosis: &mut Diagnosis) {
     }
     let Some(first) = diagnosis.candidates.first().filter(|_| diagnosis.pair.is_none()) else { return };
     let answer = |name: &str| {
-        let model = weighed.models.iter().find(|m| m.met.key == [name])?;
+        let model = weighed.models.iter().find(|m| m.effect() == Some(name))?;
         let (effects, values) = model.met.model()?;
         Some(Answer { name: model.label(), effects: effects.to_vec(), values })
     };
     diagnosis.next_test = first.indistinguishable_from.first().and_then(|name| {
         let (one, other) = (answer(first.effect)?, answer(name)?);
-        in_words(search.baseline, [one, other])
+        in_words(baseline, [one, other])
     });
 }
 

@@ -5,6 +5,7 @@ use crate::diagnose::candidate::{Form, base_name};
 use crate::diagnose::fitter::Fitter;
 use crate::diagnose::measures::{error_of_effects, least_fall, over_noise, square};
 use crate::diagnose::met::{Key, Met};
+use crate::diagnose::search::Done;
 use crate::fit::outcome::fit::Fit;
 use crate::model::effects::Chosen;
 
@@ -20,20 +21,15 @@ pub(crate) struct Search<'a> {
     /// The least fall of the squared error over noise that is worth a model.
     pub(crate) least_fall: f64,
     pub(crate) met: Vec<Met>,
+    /// The steps that were taken to grow models.
+    pub(crate) done: Vec<Done>,
 }
 
 impl<'a> Search<'a> {
-    /// A search from a fitted start model, which may have `grown` out of a smaller one.
-    pub(crate) fn new(
-        fitter: Fitter<'a>,
-        start: &'a Fit,
-        from: &'a Fit,
-        baseline: &'a Baseline<'a>,
-        grown: Option<&Fit>,
-    ) -> Self {
-        let runs = fitter.runs;
-        let taken = grown.map_or(0.0, |smaller| over_noise(smaller, runs).powi(2) - over_noise(start, runs).powi(2));
-        Search { least_fall: least_fall(runs, taken), fitter, start, from, baseline, met: Vec::new() }
+    /// A search from a fitted start model.
+    pub(crate) fn new(fitter: Fitter<'a>, start: &'a Fit, from: &'a Fit, baseline: &'a Baseline<'a>) -> Self {
+        let least_fall = least_fall(fitter.runs);
+        Search { least_fall, fitter, start, from, baseline, met: Vec::new(), done: Vec::new() }
     }
 
     /// The same where effects have `taken` some more of it.
@@ -49,6 +45,11 @@ impl<'a> Search<'a> {
 
     pub(crate) fn get(&self, key: &[&'static str]) -> Option<&Met> {
         self.met.iter().find(|m| m.key == key)
+    }
+
+    /// The fit of a state; the start model's where it adds nothing or was not fitted.
+    pub(crate) fn fit_of(&self, state: &[&'static str]) -> &Fit {
+        self.get(state).and_then(|m| m.fit.as_ref()).unwrap_or(self.start)
     }
 
     /// Keeps a fit where it leaves less than what is known of its model. A model that is at its end gives way to another end alone, on the same grid.

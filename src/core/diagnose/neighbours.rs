@@ -63,18 +63,17 @@ impl Search<'_> {
         Some(place)
     }
 
-    /// Fits those of some models whose forecasts, of one origin, promise most.
-    pub(crate) fn fit_leading(&mut self, which: &[usize]) {
+    /// Fits those of some models whose forecasts, of one origin, promise most: more than a model that leaves the square `known`.
+    pub(crate) fn fit_leading(&mut self, which: &[usize], known: f64) {
         let mut order: Vec<(usize, &Forecast)> =
             which.iter().filter_map(|&i| Some((i, self.met[i].forecast.as_ref()?))).collect();
         order.sort_by(|a, b| a.1.square.total_cmp(&b.1.square));
         let most = NO_FULL_FIT_ABOVE * self.met.iter().map(Met::square).fold(f64::INFINITY, f64::min);
         let least = LEAST_FORECAST * self.least_fall;
-        let start = square(self.start);
         let best = order.first().map_or(0.0, |(_, f)| f.evidence);
         let may_win = |(_, f): &(usize, &Forecast)| {
             let evident = f.evidence > LEAST_EVIDENCE || tempered(best - f.evidence) < INDISTINGUISHABLE;
-            evident && f.square < most && fall(self.start, self.fitter.runs, start, f.square) > least
+            evident && f.square < most && fall(self.start, self.fitter.runs, known, f.square) > least
         };
         let leading: Vec<usize> = order.into_iter().filter(may_win).take(FULL_FITS).map(|(i, _)| i).collect();
         self.fit_forecasts(&leading);

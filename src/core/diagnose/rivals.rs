@@ -26,7 +26,7 @@ pub(crate) enum Comparison {
 impl Search<'_> {
     /// The next comparison: of the best model, then of its rivals within reach. None where all that may be claimed is at its optimum.
     pub(crate) fn comparison(&self) -> Option<Comparison> {
-        let weighed = weigh(self);
+        let weighed = weigh(self, &[]);
         let place = |met: &Met| self.met.iter().position(|m| m.key == met.key).unwrap_or_default();
         let nothing = PRIOR_ODDS_OF_NOTHING.ln();
         let best = weighed.models.iter().find(|m| m.met.fit.is_some()).filter(|m| m.log_odds() > nothing);
@@ -103,7 +103,7 @@ impl Search<'_> {
         for i in self.added(&winner.effects) {
             if winner.effects[i].effect.on_pipe() || !self.is_quiet(self.met[best].key.len()) {
                 let forecast = self.expand(&winner, Some(i));
-                self.fit_leading(&forecast);
+                self.fit_leading(&forecast, square(self.start));
             }
         }
         self.without_one(&winner);

@@ -13,9 +13,12 @@ use crate::diagnose::models::Search;
 use crate::diagnose::weigh::{WeighedModel, weigh};
 use crate::fit::outcome::fit::Fit;
 
+/// A step that was taken: from which state, how, and what that left then.
+pub(crate) type Done = (Key, Starts, f64);
+
 /// How a step looks for the fits of a state's neighbours.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Starts {
+pub(crate) enum Starts {
     /// From the state's own fit, by a forecast.
     Forecast,
     /// The leading ones of them from the signals.
@@ -25,41 +28,42 @@ enum Starts {
 }
 
 impl Search<'_> {
-    /// Looks for models with as many further effects as `most`. Models near the noise are compared as soon as they are met, others at the end.
-    pub(crate) fn run(&mut self, most: usize) {
-        let mut done: Vec<(Key, Starts, f64)> = Vec::new();
+    /// Looks for models with as many effects more as `most` than those of a `state`, which is grown whatever it leaves. Models near the noise are
+    /// compared as soon as they are met, others at the end.
+    pub(crate) fn run(&mut self, state: &Key, most: usize) {
         loop {
-            let step = self.next(most, &done);
+            let step = self.next(state, state.len() + most);
             let comparison = if step.is_none() || self.is_near() { self.comparison() } else { None };
             match (comparison, step) {
                 (Some(comparison), _) => self.compare(comparison),
                 (None, Some((state, starts))) => {
-                    done.push((state.clone(), starts, self.left_by(&state)));
+                    self.done.push((state.clone(), starts, square(self.begun_at(&state))));
                     self.step(&state, starts);
                 }
                 (None, None) => break,
             }
         }
         // what keeps elements of creep from their optimum does not decide which model is better
-        let best = self.leader().and_then(|met| Some((met.key.clone(), self.fitter.pruned(met.fit.as_ref()?)?)));
-        if let Some((key, pruned)) = best {
-            let place = self.place(&key);
+        let Some(best) = self.claim().filter(|met| !met.is_pruned).map(|met| met.key.clone()) else { return };
+        let place = self.place(&best);
+        if let Some(pruned) = self.met[place].fit.as_ref().and_then(|fit| self.fitter.pruned(fit)) {
             self.met[place].fit = Some(pruned);
         }
+        self.met[place].is_pruned = true;
     }
 
-    /// What a state leaves.
-    fn left_by(&self, state: &Key) -> f64 {
-        self.get(state).map_or_else(|| square(self.from), Met::square)
+    /// Where the search goes on from a state.
+    fn begun_at(&self, state: &Key) -> &Fit {
+        self.get(state).and_then(|m| m.fit.as_ref()).unwrap_or(self.from)
     }
 
     /// The next step: small models before big ones, cheap starts before dear ones. The search goes on from the best model of each size, and from those
     /// that the records cannot tell from it, where they are better than the start model. One that a record shows by itself leaves no second effect, for no
     /// model follows the collapse of cavities well.
-    fn next(&self, most: usize, done: &[(Key, Starts, f64)]) -> Option<(Key, Starts)> {
-        let weighed = weigh(self);
+    fn next(&self, state: &Key, most: usize) -> Option<(Key, Starts)> {
+        let weighed = weigh(self, &Key::new());
         let of_size = |size| weighed.models.iter().filter(move |m| m.added.len() == size && m.met.fit.is_some());
-        let bigger = (1..most).map_while(|size| {
+        let bigger = (1..most).filter_map(|size| {
             let best = of_size(size).next()?;
             // A parameter at a bound says little as long as another effect is missing.
             let alike = |m: &&WeighedModel| tempered(best.evidence - m.evidence) < INDISTINGUISHABLE;
@@ -68,17 +72,18 @@ impl Search<'_> {
             });
             Some(open.map(|m| m.met.key.clone()).collect::<Vec<Key>>()).filter(|open| !open.is_empty())
         });
-        let states: Vec<Vec<Key>> = std::iter::once(vec![Key::new()]).chain(bigger).collect();
+        let states: Vec<Vec<Key>> = [vec![Key::new()], vec![state.clone()]].into_iter().chain(bigger).collect();
         let dear = |state: &Key, starts| starts != Starts::Forecast && self.is_quiet(state.len() + 1);
         let near = states.iter().flatten().flat_map(|s| [(s, Starts::Forecast), (s, Starts::LeadingFromSignals)]);
         let far = states.iter().filter_map(|alike| Some((alike.first()?, Starts::AllFromSignals)));
         let mut steps = near.chain(far);
         // a state that has come to leave much less since is forecast again
-        let as_before =
-            |state: &Key, left: f64| fall(self.start, self.fitter.runs, left, self.left_by(state)) < self.least_fall;
+        let as_before = |state: &Key, left: f64| {
+            fall(self.start, self.fitter.runs, left, square(self.begun_at(state))) < self.least_fall
+        };
         let is_done = |state: &Key, starts: Starts| {
-            let same = |d: &&(Key, Starts, f64)| d.0 == *state && d.1 == starts;
-            done.iter().filter(same).any(|d| starts != Starts::Forecast || as_before(state, d.2))
+            let same = |d: &&Done| d.0 == *state && d.1 == starts;
+            self.done.iter().filter(same).any(|d| starts != Starts::Forecast || as_before(state, d.2))
         };
         let step = steps.find(|(state, starts)| !is_done(state, *starts) && !dear(state, *starts))?;
         Some((step.0.clone(), step.1))
@@ -98,9 +103,9 @@ impl Search<'_> {
     fn step(&mut self, state: &Key, starts: Starts) {
         match starts {
             Starts::Forecast => {
-                let fit = self.get(state).and_then(|m| m.fit.clone()).unwrap_or_else(|| self.from.clone());
+                let fit = self.begun_at(state).clone();
                 let forecast = self.expand(&fit, None);
-                self.fit_leading(&forecast);
+                self.fit_leading(&forecast, square(&fit));
                 if state.is_empty() {
                     self.more_elements();
                     self.shown_by_itself();
@@ -116,7 +121,12 @@ impl Search<'_> {
 
     /// The most probable of the fitted models.
     pub(crate) fn leader(&self) -> Option<&Met> {
-        weigh(self).models.into_iter().map(|m| m.met).find(|m| m.fit.is_some())
+        weigh(self, &Key::new()).models.into_iter().map(|m| m.met).find(|m| m.fit.is_some())
+    }
+
+    /// The most probable of the fitted models whose evidence is enough.
+    pub(crate) fn claim(&self) -> Option<&Met> {
+        weigh(self, &Key::new()).claim().map(|m| m.met)
     }
 
     /// Whether the best model is near enough for its rivals to be compared with it.
@@ -145,7 +155,7 @@ pub(crate) mod tests {
         let start = calibrate(rig, runs, &asked, options, &|_| {}).unwrap();
         let baseline = Baseline::new(rig, runs, &start, options).unwrap();
         let fitter = Fitter { rig, runs, asked: &asked, options, progress: &|_| {} };
-        check(&mut Search::new(fitter, &start, &start, &baseline, None));
+        check(&mut Search::new(fitter, &start, &start, &baseline));
     }
 
     pub(crate) fn copper() -> Rig {
@@ -162,7 +172,7 @@ pub(crate) mod tests {
         let (rig, record) = short_branch();
         let (runs, options) = ([record], Options { most_reaches: 128, ..Options::default() });
         searched(&rig, &runs, "viscoelastic-wall:2", &options, |search| {
-            search.run(1);
+            search.run(&Key::new(), 1);
             let best = search.leader().unwrap();
             assert_eq!(best.key, ["side-branch"]);
             let place_m = best.fit.as_ref().unwrap().parameter("branch_position_m").unwrap().value;
@@ -178,7 +188,7 @@ pub(crate) mod tests {
         let runs = [record(&rig, &truth, &[1200.0, 12.0, 4.0, 3.0], run(0.5), 0.02, 3.0)];
         let options = Options { most_reaches: 64, ..Options::default() };
         searched(&rig, &runs, "none", &options, |search| {
-            search.run(2);
+            search.run(&Key::new(), 2);
             let fitted: Vec<&Met> = search.met.iter().filter(|m| m.fit.is_some()).collect();
             let best = search.leader().unwrap();
             assert_eq!(best.key, ["leak", "valve-seat-leak"]);

@@ -3,7 +3,8 @@
 use crate::diagnose::evidence::{EvidenceScale, probabilities, tempered};
 use crate::diagnose::limits::{LEAST_EVIDENCE, NEGLIGIBLE_EVIDENCE, ODDS_AT_BOUND, PRIOR_ODDS_OF_NOTHING};
 use crate::diagnose::measures::{evidence_scale, fall, over_noise, square};
-use crate::diagnose::met::Met;
+use crate::diagnose::candidate::base_name;
+use crate::diagnose::met::{Met, has_all};
 use crate::diagnose::models::Search;
 use crate::fit::outcome::fit::{Fit, FittedParameter};
 use crate::fit::outcome::uncertainty::Uncertainty;
@@ -18,10 +19,17 @@ pub(crate) struct Weighed<'s> {
     pub(crate) models: Vec<WeighedModel<'s>>,
 }
 
+impl<'s> Weighed<'s> {
+    /// The most probable of the fitted models whose evidence is enough.
+    pub(crate) fn claim(&self) -> Option<&WeighedModel<'s>> {
+        self.models.iter().find(|m| m.met.fit.is_some() && m.evidence >= LEAST_EVIDENCE)
+    }
+}
+
 /// One of them.
 pub(crate) struct WeighedModel<'s> {
     pub(crate) met: &'s Met,
-    /// What it adds to the start model.
+    /// What it adds to the smaller model.
     pub(crate) added: Vec<Chosen>,
     /// The parameters of that.
     pub(crate) parameters: Vec<FittedParameter>,
@@ -29,7 +37,7 @@ pub(crate) struct WeighedModel<'s> {
     free: usize,
     /// It is stronger than what every rig has of it.
     pub(crate) is_noteworthy: bool,
-    /// Evidence over the start model, natural logarithm of odds before tempering.
+    /// Evidence over the smaller model, natural logarithm of odds before tempering.
     pub(crate) evidence: f64,
     /// Odds before any fit.
     pub(crate) odds: f64,
@@ -47,19 +55,25 @@ impl WeighedModel<'_> {
         tempered(self.evidence) + self.odds.ln()
     }
 
+    /// The name of what it adds, where that is one effect.
+    pub(crate) fn effect(&self) -> Option<&'static str> {
+        (self.added.len() == 1).then(|| base_name(self.added[0].effect.name()))
+    }
+
     /// As on the command line.
     pub(crate) fn label(&self) -> String {
         self.added.iter().map(Chosen::label).collect::<Vec<_>>().join(" and ")
     }
 }
 
-/// Weighs all models that a search has met.
-pub(crate) fn weigh<'s>(search: &'s Search) -> Weighed<'s> {
-    let (baseline, start, runs) = (search.baseline, search.start, search.fitter.runs);
-    let fits = search.met.iter().filter_map(|m| m.fit.as_ref()).chain([start]);
+/// Weighs all models that a search has met and that have the effects of a `state` and more, over the model of that state.
+pub(crate) fn weigh<'s>(search: &'s Search, state: &[&'static str]) -> Weighed<'s> {
+    let (baseline, start, runs) = (search.baseline, search.fit_of(state), search.fitter.runs);
+    let bigger = || search.met.iter().filter(|m| m.key.len() > state.len() && has_all(&m.key, state));
+    let fits = bigger().filter_map(|m| m.fit.as_ref()).chain([start]);
     let closest = fits.min_by(|a, b| square(a).total_cmp(&square(b))).unwrap_or(start);
     let scale = evidence_scale(closest, baseline.features());
-    let mut models: Vec<WeighedModel> = search.met.iter().filter_map(|met| described(search, met)).collect();
+    let mut models: Vec<WeighedModel> = bigger().filter_map(|met| described(search, state, met)).collect();
     // Instruments within their class are at work on every rig: an effect is claimed only over the best model that they allow.
     let within_class = models.iter().filter(|m| m.added.len() == 1 && !m.is_noteworthy && m.met.fit.is_some());
     let allowed = within_class.map(|m| m.met.square()).fold(square(start), f64::min);
@@ -68,7 +82,7 @@ pub(crate) fn weigh<'s>(search: &'s Search) -> Weighed<'s> {
     let mut smaller = (allowed, 0.0);
     for size in 1..=models.iter().map(|m| m.added.len()).max().unwrap_or(0) {
         let taken = if size == 1 { 0.0 } else { fall(start, runs, square(start), smaller.0) };
-        let least = search.least_fall_after(taken);
+        let least = search.least_fall_after(search.taken(start) + taken);
         let worth = |model: &WeighedModel, left: f64| {
             let evidence = scale.evidence(allowed, left, model.free.saturating_sub(of_start));
             let falls = fall(start, runs, smaller.0, left) >= least;
@@ -120,16 +134,17 @@ fn hand_over(models: &mut [WeighedModel]) {
     for i in 0..models.len() {
         let Some(name) = models[i].stands_for else { continue };
         let evidence = models[i].evidence;
-        if let Some(other) = models.iter_mut().find(|m| m.met.key == [name]) {
+        if let Some(other) = models.iter_mut().find(|m| m.effect() == Some(name)) {
             other.evidence = other.evidence.max(evidence);
             models[i].evidence = evidence.min(NEGLIGIBLE_EVIDENCE);
         }
     }
 }
 
-fn described<'s>(search: &Search, met: &'s Met) -> Option<WeighedModel<'s>> {
+fn described<'s>(search: &Search, state: &[&'static str], met: &'s Met) -> Option<WeighedModel<'s>> {
     let (effects, values) = met.model()?;
-    let which = search.added(effects);
+    let mut which = search.added(effects);
+    which.retain(|&i| !state.contains(&base_name(effects[i].effect.name())));
     let model = search.baseline.model(effects);
     let ranges = which.iter().map(|&i| model.parameters_of(i));
     let values_of = |i: usize| &values[model.parameters_of(i)];
