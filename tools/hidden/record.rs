@@ -65,6 +65,10 @@ pub fn write(folder: &Path, case: &Case, random: &mut fastrand::Rng, lab: Lab) -
         let heads: Vec<Vec<f64>> = (0..case.sensors_m.len())
             .map(|s| {
                 let trace = sensed(case, s, &solved);
+                let skew_of =
+                    |h: &Hidden| if let Hidden::Skew(which, skew) = h { (*which == s).then_some(*skew) } else { None };
+                // A clock that is ahead shows what comes, and before that the steady head.
+                let skew_s = case.find(skew_of).unwrap_or(0.0);
                 let memory = if coloured { (-case.sample_s / 0.005f64).exp() } else { 0.0 };
                 let mut slow = 0.0;
                 let hum_m = if hum { case.noise_m * (1.0 + 2.0 * random.f64()) } else { 0.0 };
@@ -73,8 +77,9 @@ pub fn write(folder: &Path, case: &Case, random: &mut fastrand::Rng, lab: Lab) -
                     .map(|i| {
                         slow = memory * slow + (1.0 - memory * memory).sqrt() * normal(random);
                         let t = i as f64 * case.sample_s - case.lead_s;
+                        let seen_s = t - skew_s;
                         let mains_m = hum_m * (std::f64::consts::TAU * MAINS_HZ * t + phase).sin();
-                        let h = gains[s] * at(case, &solved, &trace, t) + offsets[s] + mains_m;
+                        let h = gains[s] * at(case, &solved, &trace, seen_s) + offsets[s] + mains_m;
                         let noise = if coloured { 0.7 * normal(random) + 0.7 * slow } else { normal(random) };
                         (((h + case.noise_m * noise) * kpa_per_m / 0.03).round()) * 0.03
                     })
@@ -130,10 +135,6 @@ fn show(hidden: &Hidden, s: usize, solved: &Solved, trace: &mut [f64]) {
             for (i, h) in trace.iter_mut().enumerate() {
                 *h += amplitude * (std::f64::consts::TAU * hz * i as f64 * solved.dt_s).sin();
             }
-        }
-        Hidden::Skew(which, skew) if which == s => {
-            let moved: Vec<f64> = (0..trace.len()).map(|i| linear(trace, i as f64 - skew / solved.dt_s)).collect();
-            trace.copy_from_slice(&moved);
         }
         _ => {}
     }
