@@ -6,7 +6,7 @@ use crate::model::boundary::Closure;
 use crate::model::chosen::Chosen;
 use crate::model::constraint::{Constraint, Given};
 use crate::model::error::ModelError;
-use crate::model::other_valves;
+use crate::model::other_valves::{self, OwnClosing};
 use crate::model::own::compiled;
 use crate::model::parameter::Parameter;
 use crate::model::prior::Prior;
@@ -156,6 +156,11 @@ impl<'a> Model<'a> {
     /// Index of the first effect's first parameter among the shared ones.
     pub fn effects_from(&self) -> usize {
         self.rig.pipes.len() + other_valves::count(self.rig)
+    }
+
+    /// How the valves beside the first close, in the order of the graph's nodes.
+    pub(crate) fn closings(&self, shared: &[f64]) -> impl Iterator<Item = OwnClosing> {
+        other_valves::closings(shared.get(self.rig.pipes.len()..self.effects_from()).unwrap_or_default())
     }
 
     /// How many shared parameters each effect has.

@@ -2,7 +2,6 @@
 //!
 //! Their areas are known, so that the flow before the closure follows; the first valve's area follows from its flow.
 
-use crate::model::definition::Model;
 use crate::model::parameter::Parameter;
 use crate::rig::{Closing, Rig};
 
@@ -49,15 +48,12 @@ pub(crate) fn parameters(rig: &Rig, period_s: f64) -> impl Iterator<Item = Param
     })
 }
 
-impl Model<'_> {
-    /// How the valves beside the first close, in the order of the graph's nodes.
-    pub(crate) fn closings(&self, shared: &[f64]) -> impl Iterator<Item = OwnClosing> {
-        let own = shared.get(self.rig.pipes.len()..self.effects_from()).unwrap_or_default();
-        own.chunks_exact(EACH).map(|own| OwnClosing { time_s: own[0], start_s: own[1] })
-    }
-}
-
 /// How many parameters they have.
 pub(crate) fn count(rig: &Rig) -> usize {
     EACH * rig.graph.others_that_close().count()
+}
+
+/// What their parameters say, in the order of the graph's nodes.
+pub(crate) fn closings(own: &[f64]) -> impl Iterator<Item = OwnClosing> {
+    own.chunks_exact(EACH).map(|own| OwnClosing { time_s: own[0], start_s: own[1] })
 }
