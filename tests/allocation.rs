@@ -56,7 +56,7 @@ fn allocations(rig: &Rig, effects: &[Chosen], duration_s: f64, with_energy: bool
 fn stepping_allocates_nothing() {
     let rig = Rig::from_toml(include_str!("../rigs/imperial-pe.toml"), "imperial-pe.toml").unwrap();
     let variants = CATALOGUE.iter().flat_map(|e| std::iter::once(*e).chain(e.variants().iter().copied()));
-    let alone = variants.map(|effect| vec![Chosen { effect, elements: None, sensor: None, pipe: None }]);
+    let alone = variants.map(|effect| vec![Chosen::of(effect)]);
     for effects in std::iter::once(vec![]).chain(alone) {
         for with_energy in [false, true] {
             let once = allocations(&rig, &effects, 10.0, with_energy);

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use crate::extent::ends;
 use crate::report::rig_plan::{Plan, Point};
 use crate::report::text::escape::escape;
-use crate::rig::{NodeKind, Place, Rig, Sensor, SensorKind, Upstream};
+use crate::rig::{NodeKind, Opening, Place, Rig, Sensor, SensorKind, Upstream};
 
 /// Columns of the pipe in the terminal.
 const COLUMNS: usize = 68;
@@ -187,7 +187,7 @@ fn mark(rig: &Rig, n: usize, [x, y]: Point, towards: f64) -> String {
             );
             (shape, 2.0 * HALF)
         }
-        NodeKind::Valve => (triangles("#c8500a"), HALF),
+        NodeKind::Valve | NodeKind::Opening(Opening { closing: Some(_), .. }) => (triangles("#c8500a"), HALF),
         NodeKind::Opening(_) => (triangles("#777"), HALF),
         NodeKind::CheckValve => {
             let (back, top, size) = (x - towards * HALF / 2.0, y - HALF, 2.0 * HALF);

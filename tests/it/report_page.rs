@@ -205,7 +205,12 @@ fn rig(name: &str) -> Rig {
             tolerance: surgescope::rig::Tolerance { length: 0.0, diameter: 0.0, wall: 0.0 },
         }],
         upstream: Upstream::Reservoir,
-        valve: Valve { closing_time_s: 0.1, discharge_head_m: 0.0, closing_time_tolerance: None },
+        valve: Valve {
+            closing_time_s: 0.1,
+            discharge_head_m: 0.0,
+            closing_time_tolerance: None,
+            characteristic: vec![],
+        },
         sensors: vec![sensor("P1", 271.6), sensor("P2", 182.0), sensor("P3", 89.6)],
         steady: vec![],
         devices: vec![],

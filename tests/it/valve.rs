@@ -87,3 +87,37 @@ fn without_a_sensor_at_the_valve_it_says_so_at_once() {
     std::fs::write(&path, moved).unwrap();
     refused(&["valve", CREEP, "--rig", text(&path)], &["no pressure sensor stands at the valve"]);
 }
+
+/// Two valves of a branched rig, each with its own time and start: a fit finds both, and a diagnosis says whose law it is.
+#[test]
+fn each_of_two_valves_is_calibrated_and_diagnosed() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str| folder.path().join(name);
+    let branched = std::fs::read_to_string(here("rigs/branched.toml")).unwrap();
+    let closes = "kind = \"valve\"\ncda_mm2 = 3\nclosing_time_s = 0.1\nclosing_start_s = 0.2\ndischarge_head_m = 0";
+    let two = branched.replace("kind = \"dead-end\"", closes).replace("\"reservoir\"", "\"reservoir\"\nhead_m = 42");
+    let rig = file("two.toml");
+    std::fs::write(&rig, two).unwrap();
+    let simulated = |name: &str, more: &[&str]| {
+        let to = file(name);
+        let mut all = vec!["simulate", "--rig", text(&rig), "--duration", "4", "--seed", "1", "-o", text(&to)];
+        all.extend(["--set", "initial_velocity_m_s=0.05", "--set", "valve_head_m=40"]);
+        all.extend(more);
+        printed(run(&all));
+        to
+    };
+    let apart = simulated("apart.mcap", &["--set", "closing_time_s[end]=0.13", "--set", "closing_start_s[end]=0.23"]);
+    let fit: Value = done(&["calibrate", text(&apart)]);
+    let parameters = fit["parameters"].as_array().unwrap();
+    for (name, true_s) in [("closing_time_s", 0.05), ("closing_time_s[end]", 0.13), ("closing_start_s[end]", 0.23)] {
+        let found = parameters.iter().find(|p| p["name"] == name).unwrap_or_else(|| panic!("no {name}"));
+        let [value, error] = ["value", "standard_error"].map(|key| found[key].as_f64().unwrap());
+        assert!((value - true_s).abs() < 4.0 * error && error < 0.01 * true_s, "{name}: {value} ± {error}");
+    }
+    let law =
+        ["--effects", "valve-law@end", "--set", "inflection_time_fraction=0.3", "--set", "inflection_opening=0.35"];
+    let found: Value = done(&["diagnose", text(&simulated("law.mcap", &law))]);
+    let best = &found["candidates"][0]["label"];
+    assert_eq!((&found["verdict"], best), (&"missing-effect".into(), &"valve-law@end".into()));
+    refused(&["calibrate", text(&apart), "--effects", "valve-law"], &["valve-law@valve"]);
+}

@@ -119,7 +119,7 @@ fn all_effects() -> Vec<&'static dyn Effect> {
 }
 
 fn chosen(effect: &'static dyn Effect) -> Chosen {
-    Chosen { effect, elements: None, sensor: None, pipe: None }
+    Chosen::of(effect)
 }
 
 #[test]

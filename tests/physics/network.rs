@@ -3,7 +3,7 @@
 use surgescope_core::model::boundary::Closure;
 use surgescope_core::model::effects::parse_list;
 use surgescope_core::model::trace::{Probe, Trace};
-use surgescope_core::model::{Conditions, Model, Resolution, RunValues, Simulated};
+use surgescope_core::model::{Conditions, Model, Resolution, RunValues, Simulated, check_places};
 use surgescope_core::rig::{Place, Rig};
 use surgescope_core::units::GRAVITY_M_S2;
 
@@ -36,10 +36,14 @@ struct Run<'a> {
 
 impl Run<'_> {
     fn on(&self, rig: &Rig, probes: &[Probe], energy: bool) -> Simulated {
+        self.closing(rig, probes, energy, |closing_time_s| Closure::FlowCycloid { closing_time_s })
+    }
+
+    fn closing(&self, rig: &Rig, probes: &[Probe], energy: bool, closure: fn(f64) -> Closure) -> Simulated {
         let water = rig.fluid.properties(20.0);
         let effects = parse_list(self.effects).unwrap();
         let mut model = Model::new(rig, &water, &effects);
-        model.closure = |closing_time_s| Closure::FlowCycloid { closing_time_s };
+        model.closure = closure;
         let mut shared: Vec<f64> = rig.pipes.iter().map(|p| p.wave_speed_m_s.unwrap()).collect();
         shared.extend(self.values);
         let run = RunValues {
@@ -277,4 +281,98 @@ fn a_pump_a_tank_a_loop_and_four_kinds_of_valve_balance() {
         let share = energy.largest_imbalance_j() / energy.initial_kinetic_j();
         assert!(share < 1e-9, "{effects}: {share}");
     }
+}
+
+const LINEAR: fn(f64) -> Closure = |closing_time_s| Closure::Linear { closing_time_s };
+
+/// Area times discharge coefficient of a valve that passes `velocity_m_s` of a pipe at 40 m, mm².
+fn cda_mm2(diameter_mm: f64, velocity_m_s: f64) -> f64 {
+    velocity_m_s * std::f64::consts::FRAC_PI_4 * diameter_mm.powi(2) / (2.0 * GRAVITY_M_S2 * 40.0).sqrt()
+}
+
+fn other(cda_mm2: f64, closes: &str) -> String {
+    format!("name = \"other\"; kind = \"valve\"; cda_mm2 = {cda_mm2}; discharge_head_m = 0.0; {closes}")
+}
+
+/// A tank, a tee and two equal branches, each with a valve.
+fn twins(first: &str, second: &str) -> Rig {
+    let pipes = [
+        ("main", "tank", "tee", 90.0, 60.0, 1000.0),
+        ("one", "tee", "valve", 47.0, 40.0, 800.0),
+        ("two", "tee", "other", 47.0, 40.0, 800.0),
+    ];
+    rig(&[&TANK.replace("reservoir\"", "reservoir\"; head_m = 40.0"), TEE, first, second], &pipes, 0.0)
+}
+
+/// Two valves of a symmetric tee that close alike are one valve behind one pipe of twice the area.
+#[test]
+fn two_valves_that_close_alike_are_one_of_twice_the_flow() {
+    let closes = "closing_time_s = 0.3; characteristic = [[0, 1], [0.4, 0.3], [1, 0]]";
+    let first = format!("name = \"valve\"; kind = \"valve\"; {closes}");
+    let two = twins(&first, &other(cda_mm2(40.0, 0.5), closes));
+    let pipes =
+        [("main", "tank", "tee", 90.0, 60.0, 1000.0), ("both", "tee", "valve", 47.0, 40.0 * 2f64.sqrt(), 800.0)];
+    let one = rig(&[TANK, TEE, &first], &pipes, 0.0);
+    let run = |values: &'static [f64]| Run { effects: "none", values, velocity_m_s: 0.5, reaches: 90, duration_s: 3.0 };
+    let heads = [Probe::head(at(1, 47.0)), Probe::head(at(0, 45.0)), Probe::flow(at(0, 0.0)), Probe::head(at(2, 47.0))];
+    let apart = run(&[0.3, 0.0]).closing(&two, &heads, false, LINEAR).traces;
+    let whole = run(&[]).closing(&one, &heads[..3], false, LINEAR).traces;
+    for (i, scale) in [40.0, 40.0, 1e-3].into_iter().enumerate() {
+        let off = largest_difference(&apart[i], &whole[i], 3.0) / scale;
+        assert!(off < 1e-9, "{i}: {off}");
+    }
+    assert!(largest_difference(&apart[3], &whole[0], 3.0) < 1e-9 * 40.0);
+    // The other valve later: nothing but the first is seen until its wave comes.
+    let later = run(&[0.3, 0.5]).closing(&two, &heads, false, LINEAR).traces;
+    assert!(largest_difference(&later[3], &whole[0], 0.4) > 1.0);
+}
+
+/// What one valve does to the other, that one does to it where their names change places. Each is an orifice of its own opening, and energy is accounted for.
+#[test]
+fn each_valve_has_its_own_time_law_and_start() {
+    let (area, quick) = (cda_mm2(40.0, 0.5), "closing_time_s = 0.1");
+    let rig = twins(&VALVE.replace("0.02", "0.2"), &other(area, quick));
+    let probes = [at(1, 47.0), at(2, 47.0)].map(|place| [Probe::head(place), Probe::flow(place)]).concat();
+    let run = |effects: &'static str, values: &'static [f64]| {
+        let of = Run { effects, values, velocity_m_s: 0.5, reaches: 90, duration_s: 2.0 };
+        of.closing(&rig, &probes, true, LINEAR)
+    };
+    // The closing time and start of the other, then the law.
+    let made = [
+        run("valve-law@valve", &[0.2, 0.0, 0.3, 0.8]),
+        run("valve-law@other", &[0.2, 0.0, 0.3, 0.8]),
+        run("valve-law/power@other,leak@one", &[0.13, 0.21, 2.0, 20.0, 8.0]),
+    ];
+    for i in 0..4 {
+        let swapped = largest_difference(&made[0].traces[i], &made[1].traces[(i + 2) % 4], 2.0);
+        assert!(swapped < 1e-9 * 40.0, "{i}: {swapped}");
+    }
+    assert!(largest_difference(&made[0].traces[0], &made[0].traces[2], 2.0) > 1.0);
+    let [head, flow] = [2, 3].map(|i| &made[2].traces[i]);
+    for (i, (h, q)) in head.values.iter().zip(&flow.values).enumerate() {
+        let left = 1.0 - ((i as f64 * head.dt_s - 0.21) / 0.13).clamp(0.0, 1.0);
+        let orifice = left.powi(2) * area * 1e-6 * (2.0 * GRAVITY_M_S2 * h.abs()).sqrt() * h.signum();
+        assert!((q - orifice).abs() < 1e-12, "{i}: {q} {orifice}");
+    }
+    for made in &made {
+        let energy = made.energy.as_ref().unwrap();
+        let share = energy.largest_imbalance_j() / energy.initial_kinetic_j();
+        assert!(share < 1e-9, "{share}");
+    }
+}
+
+/// Where several valves close, a law says which one it means.
+#[test]
+fn a_law_of_the_valve_names_its_valve_where_several_close() {
+    let rig =
+        twins(VALVE, &other(9.0, "closing_time_s = 0.1; closing_start_s = 0.05; closing_time_tolerance_percent = 0"));
+    let check = |effects: &str| check_places(&rig, &parse_list(effects).unwrap()).map_err(|e| e.to_string());
+    let said = check("valve-law").unwrap_err();
+    assert!(said.contains("several valves that close, valve, other") && said.contains("valve-law@valve"), "{said}");
+    assert!(check("valve-seat-leak@third").unwrap_err().contains("there is no valve 'third' that closes"));
+    assert_eq!((check("valve-law@other"), check("valve-seat-leak/stroke@valve")), (Ok(()), Ok(())));
+    let model = Model::new(&rig, &rig.fluid.properties(20.0), &parse_list("valve-law@other").unwrap());
+    let own: Vec<_> = model.shared[3..5].iter().map(|p| (p.name.as_str(), p.start, p.lower < p.upper)).collect();
+    assert_eq!(own, [("closing_time_s[other]", 0.1, false), ("closing_start_s[other]", 0.05, true)]);
+    assert_eq!(model.effects_from(), 5);
 }

@@ -57,8 +57,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     for run in study.runs() {
         valve_sensor(study.rig(), run)?;
     }
-    let ValveLawChoice { fit, evidence, two_stages } =
-        shown(&mut study, "", |study| choose_valve_law(&args.effects, |effects| study.calibrate(effects).run()))?;
+    let ValveLawChoice { fit, evidence, two_stages } = shown(&mut study, "", |study| {
+        choose_valve_law(study.rig(), &args.effects, |effects| study.calibrate(effects).run())
+    })?;
     let (rig, runs) = (study.rig(), study.runs());
     if let Some(evidence) = evidence {
         tell!(

@@ -35,15 +35,19 @@ fn is_in(effect: &dyn Effect, start: &[Chosen]) -> bool {
 }
 
 fn forms(rig: &Rig, effect: &'static dyn Effect) -> Vec<Form> {
+    let closing = rig.graph.closing_valves();
     let variants = std::iter::once(effect).chain(effect.variants().iter().copied());
     variants
         .flat_map(|variant| {
-            let form = Chosen { effect: variant, elements: None, sensor: None, pipe: None };
+            let form = Chosen::of(variant);
             let all: Vec<Chosen> = match variant.elements() {
                 Some(range) => range.take_while(|n| *n <= MOST_ELEMENTS).map(|n| form.with_elements(n)).collect(),
                 None if variant.at_sensor() => rig.pressure_sensors().map(|(_, s)| form.with_sensor(&s.name)).collect(),
                 None if variant.on_pipe() && rig.graph.lines.len() > 1 => {
                     rig.pipes.iter().map(|p| form.on_pipe(&p.name)).collect()
+                }
+                None if variant.at_valve() && closing.len() > 1 => {
+                    closing.iter().map(|valve| form.at_valve(valve)).collect()
                 }
                 None => vec![form],
             };
@@ -59,6 +63,7 @@ pub fn forms_of(rig: &Rig, asked: &Chosen) -> Vec<Form> {
             && asked.elements.is_none_or(|n| form.chosen.elements == Some(n))
             && asked.sensor.as_ref().is_none_or(|s| form.chosen.sensor.as_ref() == Some(s))
             && asked.pipe.as_ref().is_none_or(|p| form.chosen.pipe.as_ref() == Some(p))
+            && asked.valve.as_ref().is_none_or(|v| form.chosen.valve.as_ref() == Some(v))
     };
     let forms: Vec<Form> = catalogue_of(rig).into_iter().flat_map(|effect| forms(rig, effect)).filter(own).collect();
     if forms.is_empty() { vec![Form { effect: base_name(asked.effect.name()), chosen: asked.clone() }] } else { forms }

@@ -1,5 +1,7 @@
 //! Supply and valve, and what a node is at one time. Each is solved with the characteristic that reaches it.
 
+use crate::rig::at_time;
+
 /// Head at the supply.
 pub trait Supply: Send {
     /// Head at `time_s` after the start of the closure, m.
@@ -84,10 +86,14 @@ pub struct ValveEnd {
     pub drop_m: f64,
     /// Head behind it, m.
     pub discharge_head_m: f64,
+    /// When it starts to close, s.
+    pub start_s: f64,
     /// How it closes.
     pub closure: Closure,
     /// A nonlinear law, for a closure by opening.
     pub law: Option<OpeningLaw>,
+    /// Relative opening over the share of the stroke; empty where it is what is left of the stroke.
+    pub characteristic: Vec<(f64, f64)>,
     /// Relative opening that remains when it is closed.
     pub residual_opening: f64,
     /// A prescribed head before the valve, which drives the line in place of the valve.
@@ -128,8 +134,9 @@ impl ValveEnd {
     /// What it is at `time_s`.
     #[inline]
     pub fn at(&self, time_s: f64) -> Outlet {
+        let time_s = time_s - self.start_s;
         match (&self.given_head, self.closure) {
-            (Some(head), _) => Outlet::Head(head(time_s)),
+            (Some(head), _) => Outlet::Head(head(time_s + self.start_s)),
             (None, Closure::Linear { closing_time_s }) => {
                 let root_c = self.root_c(part(time_s, closing_time_s));
                 Outlet::Orifice { root_c, behind_m: self.discharge_head_m }
@@ -148,7 +155,8 @@ impl ValveEnd {
     /// `τ Q0/√ΔH0`: the orifice's flow over the root of its head difference, `s` of the closing time being over.
     #[inline]
     fn root_c(&self, s: f64) -> f64 {
-        let moving = self.law.as_ref().map_or(1.0 - s, |law| law(s)).clamp(0.0, 1.0);
+        let left = self.law.as_ref().map_or(1.0 - s, |law| law(s)).clamp(0.0, 1.0);
+        let moving = if self.characteristic.is_empty() { left } else { at_time(&self.characteristic, 1.0 - left) };
         let opening = self.residual_opening + (1.0 - self.residual_opening) * moving;
         if opening <= 0.0 || self.drop_m <= 0.0 { 0.0 } else { opening * self.flow_m3_s / self.drop_m.sqrt() }
     }
@@ -217,8 +225,10 @@ mod tests {
             flow_m3_s: 1e-3,
             drop_m: 20.0,
             discharge_head_m: 1.0,
+            start_s: 0.0,
             closure: Closure::Linear { closing_time_s: 0.1 },
             law: None,
+            characteristic: Vec::new(),
             residual_opening: 0.0,
             given_head: None,
         };

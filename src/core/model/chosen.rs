@@ -15,16 +15,23 @@ pub struct Chosen {
     pub sensor: Option<String>,
     /// The pipe of a network on which it is, if the user named one.
     pub pipe: Option<String>,
+    /// The valve it concerns, if the user named one.
+    pub valve: Option<String>,
 }
 
 impl Chosen {
+    /// An effect, with nothing more said of it.
+    pub fn of(effect: &'static dyn Effect) -> Self {
+        Chosen { effect, elements: None, sensor: None, pipe: None, valve: None }
+    }
+
     /// As the user writes it: `viscoelastic-wall:2`, `sensor-lag@P2`, `leak@branch`.
     pub fn label(&self) -> String {
         let mut label = self.effect.name().to_owned();
         if let Some(n) = self.elements.filter(|_| self.effect.elements().is_some()) {
             label += &format!(":{n}");
         }
-        if let Some(at) = self.sensor.as_ref().or(self.pipe.as_ref()) {
+        if let Some(at) = self.sensor.as_ref().or(self.pipe.as_ref()).or(self.valve.as_ref()) {
             label += &format!("@{at}");
         }
         label
@@ -35,6 +42,17 @@ impl Chosen {
         let own = self.pipe.as_ref().and_then(|pipe| rig.pipes.iter().position(|p| p.name == *pipe));
         own.and_then(|i| rig.graph.lines.iter().position(|line| line.pipes.contains(&i)))
             .unwrap_or_else(|| rig.graph.line_to_valve())
+    }
+
+    /// The node of the valve that it names, else of the one that closes first.
+    pub fn valve(&self, rig: &Rig) -> usize {
+        let own = |name: &String| rig.graph.nodes.iter().position(|node| node.name == *name);
+        self.valve.as_ref().and_then(own).unwrap_or(rig.graph.valve)
+    }
+
+    /// The same at a valve.
+    pub fn at_valve(&self, valve: &str) -> Self {
+        Chosen { valve: Some(valve.to_owned()), ..self.clone() }
     }
 
     /// The same on a pipe.

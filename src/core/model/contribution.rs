@@ -15,6 +15,10 @@ pub struct Implicit {
 /// and `μu - d` (momentum) at the new time; `κ, μ` are constants of the segment, `b, d` known before the step. Heads are deviations
 /// `h` from the steady state, in which `b` and, with `μ`, `d` must balance.
 pub trait LineTerm: Send {
+    /// Whether it adds to storage alone: no `μ`, no `d`, and it asks for no flows.
+    fn is_storage_alone(&self) -> bool {
+        false
+    }
     /// `κ` and `μ` of a segment.
     fn implicit(&self, segment: usize) -> Implicit;
     /// Adds `b` and `d` of the first step, from the steady state; nothing by default.
@@ -23,6 +27,10 @@ pub trait LineTerm: Send {
     }
     /// Advances with the new head deviations and `u` of all nodes, and adds `b` and `d` of the next step.
     fn advance(&mut self, h: &[f64], u: &[f64], storage: &mut [f64], momentum: &mut [f64]);
+    /// The same for a term of storage alone, which sets `b` if it is the `first` of its kind.
+    fn advance_storage(&mut self, h: &[f64], storage: &mut [f64], first: bool) {
+        let _ = (h, storage, first);
+    }
 }
 
 /// Takes water out of *every* node: gas spread along the pipe, cavities wherever the pressure falls.

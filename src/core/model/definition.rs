@@ -6,6 +6,7 @@ use crate::model::boundary::Closure;
 use crate::model::chosen::Chosen;
 use crate::model::constraint::{Constraint, Given};
 use crate::model::error::ModelError;
+use crate::model::other_valves::{self, OwnClosing};
 use crate::model::own::compiled;
 use crate::model::parameter::Parameter;
 use crate::model::prior::Prior;
@@ -25,11 +26,11 @@ pub struct Model<'a> {
     pub effects: Vec<Chosen>,
     /// How many of the shared parameters belong to each effect.
     effect_sizes: Vec<usize>,
-    /// Parameters shared by all runs on the rig: wave speeds, effects.
+    /// Parameters shared by all runs on the rig: wave speeds, valves that close beside the first, effects.
     pub shared: Vec<Parameter>,
     /// Parameters of one run: velocity, head, closing time, friction.
     pub per_run: [Parameter; RunValues::COUNT],
-    /// Form of the closure, as a function of the run's closing time.
+    /// Form of the first valve's closure, as a function of the run's closing time.
     pub closure: fn(f64) -> Closure,
     /// Constraints on parameters, those of runs and sensors included.
     pub constraints: Vec<Constraint>,
@@ -62,6 +63,7 @@ impl<'a> Model<'a> {
         }
         let travel_s: f64 = rig.way().map(|i| rig.pipes[i].length_m / shared[i].start).sum();
         let site = Site { rig, water, period_s: 4.0 * travel_s, line: 0 };
+        shared.extend(other_valves::parameters(rig, site.period_s));
         let effects: Vec<Chosen> = effects
             .iter()
             .map(|c| Chosen {
@@ -153,7 +155,12 @@ impl<'a> Model<'a> {
 
     /// Index of the first effect's first parameter among the shared ones.
     pub fn effects_from(&self) -> usize {
-        self.rig.pipes.len()
+        self.rig.pipes.len() + other_valves::count(self.rig)
+    }
+
+    /// How the valves beside the first close, in the order of the graph's nodes.
+    pub(crate) fn closings(&self, shared: &[f64]) -> impl Iterator<Item = OwnClosing> {
+        other_valves::closings(shared.get(self.rig.pipes.len()..self.effects_from()).unwrap_or_default())
     }
 
     /// How many shared parameters each effect has.
@@ -235,10 +242,11 @@ fn first_sensor(rig: &Rig) -> Option<String> {
     rig.pressure_sensors().next().map(|(_, s)| s.name.clone())
 }
 
-/// Refuses effects at sensors, on pipes or at a supply that a rig does not have.
+/// Refuses effects at sensors, on pipes, at valves or at a supply that a rig does not have.
 ///
 /// # Errors
-/// [`ModelError::UnknownSensor`], [`ModelError::UnknownPipe`] or [`ModelError::NoReservoir`] for the first of them.
+/// [`ModelError::UnknownSensor`], [`ModelError::UnknownPipe`], [`ModelError::UnknownValve`], [`ModelError::WhichValve`] or
+/// [`ModelError::NoReservoir`] for the first of them.
 pub fn check_places(rig: &Rig, effects: &[Chosen]) -> Result<(), ModelError> {
     let pipes: Vec<&str> = match rig.graph.lines.len() {
         1 => Vec::new(),
@@ -254,6 +262,19 @@ pub fn check_places(rig: &Rig, effects: &[Chosen]) -> Result<(), ModelError> {
     let supply = &rig.graph.nodes[rig.graph.supply()];
     if let (Some(chosen), false) = (effects.iter().find(|c| c.effect.at_supply()), supply.kind.holds_given_head()) {
         return Err(ModelError::NoReservoir { effect: chosen.label(), node: supply.name.clone() });
+    }
+    let valves = rig.graph.closing_valves();
+    for chosen in effects.iter().filter(|c| c.effect.at_valve()) {
+        let (effect, known) = (chosen.effect.name().to_owned(), valves.join(", "));
+        match &chosen.valve {
+            None if valves.len() > 1 => {
+                return Err(ModelError::WhichValve { effect, first: valves[0].to_owned(), known });
+            }
+            Some(name) if !valves.contains(&name.as_str()) => {
+                return Err(ModelError::UnknownValve { name: name.clone(), known });
+            }
+            _ => {}
+        }
     }
     let known: Vec<&str> = rig.pressure_sensors().map(|(_, s)| s.name.as_str()).collect();
     match effects.iter().filter_map(|c| c.sensor.as_ref()).find(|name| !known.contains(&name.as_str())) {

@@ -81,6 +81,10 @@ pub trait Effect: Sync {
     fn on_pipe(&self) -> bool {
         false
     }
+    /// Whether it concerns one valve that closes, which must be named where several do (`name@V2`).
+    fn at_valve(&self) -> bool {
+        false
+    }
     /// Whether it is no effect of the catalogue but a rig's own.
     fn is_own(&self) -> bool {
         false

@@ -52,7 +52,13 @@ pub enum ModelError {
          out, or make '{node}' a [[node]] of kind \"reservoir\""
     )]
     NoReservoir { effect: String, node: String },
-    #[error("'{item}': this effect concerns no single sensor or pipe")]
+    #[error(
+        "'{effect}': the rig has several valves that close, {known}; name the one that it means, as in {effect}@{first}"
+    )]
+    WhichValve { effect: String, first: String, known: String },
+    #[error("there is no valve '{name}' that closes; the rig has {known}")]
+    UnknownValve { name: String, known: String },
+    #[error("'{item}': this effect concerns no single sensor, pipe or valve")]
     NoSensor { item: String },
     #[error("'{one}' and '{other}' cannot be together: {why}")]
     Excluded { one: String, other: String, why: &'static str },

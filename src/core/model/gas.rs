@@ -177,6 +177,7 @@ impl NodeField for Field {
 
 // By index, as in the convolution of unsteady friction.
 widened! {
+    over s.len();
     fn take_out(piece: &Piece, k: f64, c: f64, steady: &[f64], sum: &mut [f64], s: &[f64], h: &mut [f64], q: &mut [f64]) {
         let Piece { content_m4, gone_m3, stepping: Stepping { dt_s, follow_s }, .. } = *piece;
         let (by_2k, by_c) = (0.5 / k, 1.0 / c);

@@ -38,6 +38,31 @@ pub fn elastic<F: NodeFriction>(
     }
 }
 
+/// Interior with terms of storage alone: also gives the heads at nodes `1..n-1`. `known` is `b` at each node, `κ` and `R0`.
+#[inline(always)]
+pub fn with_storage<F: NodeFriction>(
+    fwd: &[f64],
+    bwd: &[f64],
+    new_fwd: &mut [f64],
+    new_bwd: &mut [f64],
+    head: &mut [f64],
+    (storage, kappa, steady_loss): (&[f64], f64, f64),
+    friction: &F,
+) {
+    let Some(m) = fwd.len().checked_sub(2) else { return };
+    let (cp, cm) = (&fwd[..m], &bwd[2..][..m]);
+    let (new_fwd, new_bwd) = (&mut new_fwd[1..][..m], &mut new_bwd[1..][..m]);
+    let (head, storage) = (&mut head[1..][..m], &storage[1..][..m]);
+    let by_kappa = 1.0 / (1.0 + kappa);
+    for i in 0..m {
+        let twice_h = (cp[i] + cm[i] + 2.0 * storage[i]) * by_kappa;
+        let w = friction.solve(cp[i] - cm[i] + steady_loss);
+        head[i] = 0.5 * twice_h;
+        new_fwd[i] = twice_h + w - cp[i];
+        new_bwd[i] = twice_h - w - cm[i];
+    }
+}
+
 /// What the line terms of a segment amount to in one step.
 pub struct Terms<'a> {
     /// Known storage part `b` at each node, m.

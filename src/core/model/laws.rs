@@ -1,5 +1,7 @@
 //! The law of each node of the graph in a simulation.
 
+use std::collections::BTreeMap;
+
 use crate::model::boundary::{ConstantHead, Supply, ValveEnd};
 use crate::model::junction::Law;
 use crate::model::line_flows::System;
@@ -15,9 +17,9 @@ pub(crate) struct Laws<'a> {
     pub link_m3_s: &'a [f64],
     pub dt_s: f64,
     pub density_kg_m3: f64,
-    /// The supply nearest to the valve, and the valve, with what effects make of them.
+    /// The supply nearest to the valve, and the valves that close by their nodes, with what effects make of them.
     pub supply: Option<Box<dyn Supply>>,
-    pub valve: Option<ValveEnd>,
+    pub valves: BTreeMap<usize, ValveEnd>,
 }
 
 impl Laws<'_> {
@@ -26,6 +28,9 @@ impl Laws<'_> {
         let System { graph, passed, behind, .. } = self.system;
         let head_m = self.at_m[node];
         let behind_m = behind[node].map_or(head_m, |b| self.at_m[b]);
+        if let Some(valve) = self.valves.remove(&node) {
+            return Law::Passage(Passage::Valve(valve));
+        }
         match &graph.nodes[node].kind {
             NodeKind::Junction { outlet, .. } => {
                 Law::Open(outlet.as_ref().map(|opening| Passage::Opening(opening.clone(), behind_m)))
@@ -35,7 +40,7 @@ impl Laws<'_> {
                 Law::Supply(own.unwrap_or_else(|| Box::new(ConstantHead(head_m))))
             }
             NodeKind::Tank { area_m2, .. } => Law::Tank { rate_m2_s: 2.0 * area_m2 / self.dt_s, head_m, inflow_m3_s },
-            NodeKind::Valve => self.valve.take().map_or(Law::Open(None), |valve| Law::Passage(Passage::Valve(valve))),
+            NodeKind::Valve => Law::Open(None),
             NodeKind::Opening(opening) => Law::Passage(Passage::Opening(opening.clone(), behind_m)),
             NodeKind::CheckValve => Law::Passage(Passage::Check),
             NodeKind::Pump(pump) => {

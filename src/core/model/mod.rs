@@ -29,6 +29,7 @@ pub(crate) mod multigrid;
 pub(crate) mod network;
 pub mod node;
 pub mod oscillator;
+pub(crate) mod other_valves;
 pub mod own;
 pub mod parameter;
 pub(crate) mod passage;

@@ -17,7 +17,7 @@ const LEAST_SPEED: f64 = 1e-3;
 
 /// The law of a node that water passes.
 pub enum Passage {
-    /// The valve that closes.
+    /// A valve that closes.
     Valve(ValveEnd),
     /// Another valve or opening, and the head behind it where no line follows, m.
     Opening(Opening, f64),

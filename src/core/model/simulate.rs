@@ -1,5 +1,7 @@
 //! Simulation of one run: checks the values, builds the line and steps it.
 
+use std::collections::BTreeMap;
+
 use crate::model::attach::{Attached, attach};
 use crate::model::boundary::{Closure, ConstantHead, GivenEnd, MeasuredHead, Supply, ValveEnd};
 use crate::model::chosen::Chosen;
@@ -11,6 +13,7 @@ use crate::model::grid::{Grid, Stretch};
 use crate::model::laws::Laws;
 use crate::model::line_flows::System;
 use crate::model::memory::Need;
+use crate::model::other_valves::{closing_start_of, closing_time_of};
 use crate::model::reaches::Travel;
 use crate::model::run::{Conditions, Resolution, RunValues, Simulated};
 use crate::model::scene::Scene;
@@ -18,6 +21,7 @@ use crate::model::solver::Lines;
 use crate::model::steady::{Found, Given, Steady};
 use crate::model::trace::Probe;
 use crate::rig::{Place, Regime, Upstream};
+use crate::units::GRAVITY_M_S2;
 
 /// Share of the impedance that friction over one reach may take (see [`NodeFriction`](crate::model::friction::NodeFriction)).
 const MOST_FRICTION_SHARE: f64 = 0.02;
@@ -162,16 +166,34 @@ impl Model<'_> {
             GivenEnd::Head(head) => (Some(head), None),
             GivenEnd::Law(law) => (None, Some(law)),
         };
-        let mut valve = ValveEnd {
+        let first = ValveEnd {
             flow_m3_s,
+            start_s: 0.0,
             // Into lines that follow, by their head.
             drop_m: run.valve_head_m - system.behind[graph.valve].map_or(discharge_head_m, |behind| at_m[behind]),
             discharge_head_m,
             closure: (self.closure)(run.closing_time_s),
             law: None,
+            characteristic: self.rig.valve.characteristic.clone(),
             residual_opening: 0.0,
             given_head,
         };
+        let mut valves = BTreeMap::from([(graph.valve, first)]);
+        for ((node, _, opening, closing), own) in graph.others_that_close().zip(self.closings(shared)) {
+            let other = ValveEnd {
+                // What it passes of 1 m: its area is known.
+                flow_m3_s: opening.cda_m2 * (2.0 * GRAVITY_M_S2).sqrt(),
+                drop_m: 1.0,
+                discharge_head_m: system.behind[node].map_or(0.0, |behind| at_m[behind]),
+                start_s: own.start_s,
+                closure: Closure::Linear { closing_time_s: own.time_s },
+                law: None,
+                characteristic: closing.characteristic.clone(),
+                residual_opening: 0.0,
+                given_head: None,
+            };
+            valves.insert(node, other);
+        }
         for (account, (chosen, values)) in self.chosen(shared).enumerate() {
             terms.extend(chosen.effect.line_terms(values, &steady)?);
             owners.terms.resize(terms.len(), account);
@@ -180,10 +202,12 @@ impl Model<'_> {
                 owners.field = Some(account);
             }
             supply = chosen.effect.supply(values, supply)?;
-            chosen.effect.valve(values, &mut valve)?;
+            if let Some(valve) = valves.get_mut(&chosen.valve(self.rig)) {
+                chosen.effect.valve(values, valve)?;
+            }
         }
-        if given_law.is_some() {
-            valve.law = given_law;
+        if let (Some(valve), true) = (valves.get_mut(&graph.valve), given_law.is_some()) {
+            (valve.law, valve.characteristic) = (given_law, Vec::new());
         }
         let mut laws = Laws {
             system: &system,
@@ -192,7 +216,7 @@ impl Model<'_> {
             dt_s: grid.dt_s,
             density_kg_m3: conditions.water.density_kg_m3,
             supply: Some(supply),
-            valve: Some(valve),
+            valves,
         };
         let ends = grid.ends_at(graph);
         let laws = ends.iter().enumerate().map(|(n, [last, first])| {
@@ -273,13 +297,17 @@ impl Model<'_> {
             true => Ok(()),
             false => Err(ModelError::Value { name: name.to_owned(), value, allowed: "more than zero" }),
         };
-        for (parameter, &value) in self.shared.iter().zip(shared).take(self.rig.pipes.len()) {
-            positive(&parameter.name, value)?;
-        }
         let not_negative = |name: &str, value: f64| match value >= 0.0 && value.is_finite() {
             true => Ok(()),
             false => Err(ModelError::Value { name: name.to_owned(), value, allowed: "zero or more" }),
         };
+        for (parameter, &value) in self.shared.iter().zip(shared).take(self.rig.pipes.len()) {
+            positive(&parameter.name, value)?;
+        }
+        for ((_, name, ..), own) in self.rig.graph.others_that_close().zip(self.closings(shared)) {
+            positive(&closing_time_of(name), own.time_s)?;
+            not_negative(&closing_start_of(name), own.start_s)?;
+        }
         not_negative("friction_scale", run.friction_scale)?;
         not_negative("initial_velocity_m_s", run.initial_velocity_m_s)?;
         not_negative("closing_time_s", run.closing_time_s)?;

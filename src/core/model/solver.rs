@@ -9,7 +9,7 @@ use crate::model::joint::Joints;
 use crate::model::junction::{Junction, Law, Side};
 use crate::model::late::Late;
 use crate::model::node::{Node, Spread};
-use crate::model::state::{Reading, State};
+use crate::model::state::{LineTerms, Reading, State};
 use crate::model::steady::Steady;
 use crate::model::stop::Heeded;
 use crate::model::trace::{Probe, Trace};
@@ -93,7 +93,11 @@ impl<'a> Lines<'a> {
             implicit.push(total);
         }
         let late = Late::of(grid, &fwd, &bwd);
-        let elastic = self.terms.is_empty() && self.field.is_none() && heads_only;
+        let terms = match (heads_only && self.field.is_none(), self.terms.is_empty()) {
+            (true, true) => LineTerms::None,
+            (true, false) if self.terms.iter().all(|term| term.is_storage_alone()) => LineTerms::Storage,
+            _ => LineTerms::All,
+        };
         State {
             new_fwd: fwd.clone(),
             new_bwd: bwd.clone(),
@@ -106,7 +110,7 @@ impl<'a> Lines<'a> {
             outflow: vec![0.0; n],
             scratch: vec![0.0; n],
             late,
-            elastic,
+            terms,
             steady_half_loss,
             implicit,
             frictions: inner_frictions,
@@ -140,6 +144,7 @@ impl<'a> Lines<'a> {
 
 widened! {
     /// All steps.
+    over lines.longest();
     fn march(
         lines: &mut Stepped,
         state: &mut State,
@@ -174,26 +179,37 @@ fn not_finite(grid: &Grid, state: &State, time_s: f64) -> ModelError {
 }
 
 impl Stepped<'_> {
+    /// Reaches of the longest segment.
+    fn longest(&self) -> usize {
+        self.steady.grid.segments.iter().map(|segment| segment.reaches).max().unwrap_or(0)
+    }
+
     #[inline(always)]
     fn step(&mut self, state: &mut State, time_s: f64, mut balance: Option<&mut Balance>) {
         let grid = self.steady.grid;
         state.pass_late();
+        // The ends first: what they store one by one is long settled when the next step loads it in wide registers.
+        for junction in &mut self.junctions {
+            junction.step(state, (time_s, grid.dt_s), &mut balance);
+        }
+        self.joints.step(state, &mut balance);
         for (s, segment) in grid.segments.iter().enumerate().filter(|(_, segment)| segment.reaches > 1) {
             match &mut self.field {
                 None => state.interior(s, segment.nodes()),
                 Some(field) => state.interior_with(field.as_mut(), s, segment),
             }
         }
-        for junction in &mut self.junctions {
-            junction.step(state, (time_s, grid.dt_s), &mut balance);
-        }
-        self.joints.step(state, &mut balance);
         match balance {
             Some(balance) => {
                 balance.line(state);
                 balance.advance(&mut self.terms, state);
             }
             None if self.terms.is_empty() => {}
+            None if state.terms == LineTerms::Storage => {
+                for (i, term) in self.terms.iter_mut().enumerate() {
+                    term.advance_storage(&state.h, &mut state.storage, i == 0);
+                }
+            }
             // `fill` is a function of its own, which a build in many units leaves as a call.
             None => {
                 for sum in &mut state.storage {

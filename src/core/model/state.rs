@@ -25,14 +25,24 @@ pub(crate) struct State {
     pub(crate) scratch: Vec<f64>,
     /// Filters of the reaches that take longer than a step.
     pub(crate) late: Vec<Late>,
-    /// No line terms and no flow to read: heads of interior nodes are not stored but read from the waves.
-    pub(crate) elastic: bool,
+    pub(crate) terms: LineTerms,
     /// Half of the steady flow's loss over one reach, `½R0`, of each segment, m.
     pub(crate) steady_half_loss: Vec<f64>,
     /// `κ` and `μ` of each segment.
     pub(crate) implicit: Vec<Implicit>,
     /// Friction of each segment's reach for `w = 2u`, divided by its `1 + μ`.
     pub(crate) frictions: Vec<ReachFriction>,
+}
+
+/// What the nodes between the ends of segments keep beside their waves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum LineTerms {
+    /// No line terms, and no flow to read: nothing. Heads are read from the waves.
+    None,
+    /// Terms of storage, and no flow to read: heads.
+    Storage,
+    /// Heads and flows.
+    All,
 }
 
 impl State {
@@ -59,15 +69,26 @@ impl State {
         let steady_loss = 2.0 * self.steady_half_loss[segment];
         let (fwd, bwd) = (&self.fwd[nodes.clone()], &self.bwd[nodes.clone()]);
         let (new_fwd, new_bwd) = (&mut self.new_fwd[nodes.clone()], &mut self.new_bwd[nodes.clone()]);
-        if self.elastic {
-            match friction {
-                ReachFriction::Quadratic(f) => kernel::elastic(fwd, bwd, new_fwd, new_bwd, f, steady_loss),
-                ReachFriction::Linear(f) => kernel::elastic(fwd, bwd, new_fwd, new_bwd, f, steady_loss),
-                ReachFriction::Tabulated(f) => kernel::elastic(fwd, bwd, new_fwd, new_bwd, f, steady_loss),
-            }
-            return;
-        }
         let Implicit { kappa, mu } = self.implicit[segment];
+        match self.terms {
+            LineTerms::None => {
+                return match friction {
+                    ReachFriction::Quadratic(f) => kernel::elastic(fwd, bwd, new_fwd, new_bwd, f, steady_loss),
+                    ReachFriction::Linear(f) => kernel::elastic(fwd, bwd, new_fwd, new_bwd, f, steady_loss),
+                    ReachFriction::Tabulated(f) => kernel::elastic(fwd, bwd, new_fwd, new_bwd, f, steady_loss),
+                };
+            }
+            LineTerms::Storage => {
+                let (storage, h) = (&self.storage[nodes.clone()], &mut self.h[nodes]);
+                let known = (storage, kappa, steady_loss);
+                return match friction {
+                    ReachFriction::Quadratic(f) => kernel::with_storage(fwd, bwd, new_fwd, new_bwd, h, known, f),
+                    ReachFriction::Linear(f) => kernel::with_storage(fwd, bwd, new_fwd, new_bwd, h, known, f),
+                    ReachFriction::Tabulated(f) => kernel::with_storage(fwd, bwd, new_fwd, new_bwd, h, known, f),
+                };
+            }
+            LineTerms::All => {}
+        }
         let terms = Terms {
             storage: &self.storage[nodes.clone()],
             kappa,
@@ -117,7 +138,7 @@ impl State {
         for i in 0..traces.len().min(readings.len()) {
             let (trace, Reading { stencil, of }) = (&mut traces[i], &readings[i]);
             trace.values.push(match of {
-                Quantity::Head(steady_m) if self.elastic => {
+                Quantity::Head(steady_m) if self.terms == LineTerms::None => {
                     stencil.read(|node| steady_m[node] + 0.5 * (self.fwd[node] + self.bwd[node]))
                 }
                 Quantity::Head(steady_m) => stencil.read(|node| steady_m[node] + self.h[node]),

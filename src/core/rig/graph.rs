@@ -65,7 +65,7 @@ pub enum NodeKind {
         /// Area of its surface, m².
         area_m2: f64,
     },
-    /// The valve that closes; the rig has its data.
+    /// The valve that closes first; the rig has its data.
     Valve,
     /// Another valve.
     Opening(Opening),
@@ -84,6 +84,21 @@ pub struct Opening {
     pub opening: Vec<(f64, f64)>,
     /// Head behind it, m; none where a pipe follows.
     pub discharge_head_m: Option<f64>,
+    /// How it closes, in place of a table of openings.
+    pub closing: Option<Closing>,
+}
+
+/// How a valve of known area closes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Closing {
+    /// When it starts, s after the first valve does.
+    pub start_s: f64,
+    /// Nominal closing time, s.
+    pub time_s: f64,
+    /// Standard deviation of the closing time as a share of it, where the file gives one; 0: it is exact.
+    pub time_tolerance: Option<f64>,
+    /// See [`Valve::characteristic`](crate::rig::Valve::characteristic).
+    pub characteristic: Vec<(f64, f64)>,
 }
 
 /// A pump at its speed before the closure.
@@ -209,7 +224,7 @@ pub struct Graph {
     pub nodes: Vec<Node>,
     /// The lines, in the order of their pipes.
     pub lines: Vec<Line>,
-    /// Index of the node of the valve that closes.
+    /// Index of the node of the valve that closes first.
     pub valve: usize,
     /// The lines on the way from the supply nearest to the valve, to the valve, and whether each is passed from its end to its beginning.
     pub way: Vec<(usize, bool)>,
@@ -230,6 +245,20 @@ impl Graph {
     /// Whether a node holds a head of its own.
     pub fn holds_head(&self, node: usize) -> bool {
         matches!(self.nodes[node].kind, NodeKind::Reservoir { .. } | NodeKind::Tank { .. })
+    }
+
+    /// The other valves that close, by their nodes: name, opening, and how each closes.
+    pub fn others_that_close(&self) -> impl Iterator<Item = (usize, &str, &Opening, &Closing)> {
+        self.nodes.iter().enumerate().filter_map(|(n, node)| match &node.kind {
+            NodeKind::Opening(opening) => Some((n, node.name.as_str(), opening, opening.closing.as_ref()?)),
+            _ => None,
+        })
+    }
+
+    /// Names of the valves that close, the first one first.
+    pub fn closing_valves(&self) -> Vec<&str> {
+        let first = self.nodes[self.valve].name.as_str();
+        std::iter::once(first).chain(self.others_that_close().map(|(_, name, ..)| name)).collect()
     }
 
     /// The line that ends at the valve.

@@ -45,7 +45,7 @@ pub use crate::rig::error::{Problem, RigError};
 pub use crate::rig::friction::{
     CERTAINLY_LAMINAR_REYNOLDS, LAMINAR_REYNOLDS, Regime, darcy_friction_factor, turbulent_friction_factor,
 };
-pub use crate::rig::graph::{Drive, Graph, Line, Node, NodeKind, Opening, Place, Pump, PumpCurve, at_time};
+pub use crate::rig::graph::{Closing, Drive, Graph, Line, Node, NodeKind, Opening, Place, Pump, PumpCurve, at_time};
 pub use crate::rig::sensors::{quantity_of, spelled_unit};
 pub use crate::rig::types::{
     Constraint, Coupling, Fluid, Pipe, Rig, Sensor, SensorKind, SteadyState, Tolerance, Upstream, Valve,

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::ops::Range;
 
-use crate::rig::graph::{Drive, Graph, Line, Node, NodeKind, Opening, Pump, PumpCurve};
+use crate::rig::graph::{Closing, Drive, Graph, Line, Node, NodeKind, Opening, Pump, PumpCurve};
 use crate::rig::table::{FINITE, Limits, NOT_NEGATIVE, POSITIVE, Section, Source, nearest, share};
 use crate::rig::types::Valve;
 use crate::rig::unique::Names;
@@ -18,6 +18,8 @@ pub(crate) const KEYS: &[&str] = &[
     "area_m2",
     "closing_time_s",
     "closing_time_tolerance_percent",
+    "closing_start_s",
+    "characteristic",
     "discharge_head_m",
     "cda_mm2",
     "opening",
@@ -40,7 +42,18 @@ const KINDS: [(&str, &[&str]); 7] = [
     ("reservoir", &["head_m"]),
     ("tank", &["head_m", "area_m2"]),
     ("dead-end", &[]),
-    ("valve", &["closing_time_s", "closing_time_tolerance_percent", "discharge_head_m", "cda_mm2", "opening"]),
+    (
+        "valve",
+        &[
+            "closing_time_s",
+            "closing_time_tolerance_percent",
+            "closing_start_s",
+            "characteristic",
+            "discharge_head_m",
+            "cda_mm2",
+            "opening",
+        ],
+    ),
     ("check-valve", &[]),
     (
         "pump",
@@ -110,14 +123,17 @@ impl<'a> Nodes<'a> {
         let valve = match closing[..] {
             [valve] => valve,
             [one, other, ..] => {
-                let message =
-                    "both have a 'closing_time_s': one valve closes; give the other one 'cda_mm2' and 'opening'";
+                let message = "both have a 'closing_time_s' and no 'cda_mm2': the first that closes goes without, for the flow before the closure \
+                               gives its area; give the other one 'cda_mm2'";
                 self.sections[other].fault(format!("'{}' and '{}' {message}", name(one), name(other)));
                 return None;
             }
             [] => {
-                source
-                    .report(None, "no valve closes: give the [[node]] of kind \"valve\" that does a 'closing_time_s'");
+                source.report(
+                    None,
+                    "no valve closes first: give the [[node]] of kind \"valve\" that does a 'closing_time_s' and no 'cda_mm2', for the flow \
+                     before the closure gives its area",
+                );
                 return None;
             }
         };
@@ -142,7 +158,7 @@ impl<'a> Nodes<'a> {
             }
         }
         let lines = ends.iter().enumerate().map(|(i, &(from, to))| Line { from, to, pipes: i..i + 1 }).collect();
-        let valve_data = read[valve].valve;
+        let valve_data = read[valve].valve.clone();
         let graph = Graph::new(read.into_iter().map(|r| r.node).collect(), lines, lengths_m, valve);
         let reached = graph.distances(valve, lengths_m);
         for (n, section) in self.sections.iter().enumerate() {
@@ -220,19 +236,19 @@ fn read_node(section: &Section<'_>, names: &mut Names) -> Option<ReadNode> {
             let area_m2 = section.required_number("area_m2", &POSITIVE);
             head_m.zip(area_m2).map(|(head_m, area_m2)| NodeKind::Tank { head_m, area_m2 })
         }
-        "valve" if section.place_of("closing_time_s").is_some() => {
-            for key in ["cda_mm2", "opening"] {
-                if let Some(place) = section.place_of(key) {
-                    section.fault_at(&place, format!("'{key}' is of a valve without 'closing_time_s'"));
-                }
+        "valve" => match (read_closing(section), section.place_of("cda_mm2")) {
+            (Some(closing), None) => {
+                refuse(section, &["closing_start_s"], "with 'cda_mm2': the one without closes first, at time 0");
+                valve = Some(Valve {
+                    closing_time_s: closing.time_s,
+                    discharge_head_m: section.number("discharge_head_m", &FINITE).unwrap_or(0.0),
+                    closing_time_tolerance: closing.time_tolerance,
+                    characteristic: closing.characteristic,
+                });
+                Some(NodeKind::Valve)
             }
-            let closing_time_s = section.number("closing_time_s", &POSITIVE)?;
-            let discharge_head_m = section.number("discharge_head_m", &FINITE).unwrap_or(0.0);
-            let closing_time_tolerance = share(section, "closing_time_tolerance_percent");
-            valve = Some(Valve { closing_time_s, discharge_head_m, closing_time_tolerance });
-            Some(NodeKind::Valve)
-        }
-        "valve" => read_opening(section).map(NodeKind::Opening),
+            (closing, _) => read_opening(section).map(|opening| NodeKind::Opening(Opening { closing, ..opening })),
+        },
         "pump" => read_pump(section).map(NodeKind::Pump),
         "check-valve" => Some(NodeKind::CheckValve),
         _ => {
@@ -251,14 +267,52 @@ fn read_node(section: &Section<'_>, names: &mut Names) -> Option<ReadNode> {
     Some(ReadNode { node, kind, elevation_m, valve })
 }
 
+/// Reports keys that another valve has.
+fn refuse(section: &Section<'_>, keys: &[&str], of: &str) {
+    for key in keys {
+        if let Some(place) = section.place_of(key) {
+            section.fault_at(&place, format!("'{key}' is of a valve {of}"));
+        }
+    }
+}
+
+/// How a valve closes; none where it does not.
+fn read_closing(section: &Section<'_>) -> Option<Closing> {
+    if section.place_of("closing_time_s").is_none() {
+        let of_closing = ["closing_time_tolerance_percent", "closing_start_s", "characteristic"];
+        refuse(section, &of_closing, "that closes: give its 'closing_time_s'");
+        return None;
+    }
+    refuse(section, &["opening"], "without 'closing_time_s'");
+    Some(Closing {
+        start_s: section.number("closing_start_s", &NOT_NEGATIVE).unwrap_or(0.0),
+        time_s: section.number("closing_time_s", &POSITIVE)?,
+        time_tolerance: share(section, "closing_time_tolerance_percent"),
+        characteristic: characteristic(section),
+    })
+}
+
+/// The relative opening of a valve over its stroke; empty where the file has none.
+pub(crate) fn characteristic(section: &Section<'_>) -> Vec<(f64, f64)> {
+    let words = "a list [[0, 1], …, [1, 0]] of shares of the stroke, which increase, and relative openings from 0 to 1";
+    let Some(points) = section.points("characteristic", words) else { return Vec::new() };
+    let ends = (points.first(), points.last()) == (Some(&(0.0, 1.0)), Some(&(1.0, 0.0)));
+    let fine = ends && points.windows(2).all(|w| w[1].0 > w[0].0) && points.iter().all(|p| (SHARE.holds)(p.1));
+    if let (false, Some(place)) = (fine, section.place_of("characteristic")) {
+        section.fault_at(&place, format!("'characteristic' must be {words}"));
+    }
+    points
+}
+
 /// Reports what is wrong with the values of a node whose kind is not known.
 fn report_values(section: &Section<'_>) {
-    let limits: [(&str, &Limits); 12] = [
+    let limits: [(&str, &Limits); 13] = [
         ("elevation_m", &FINITE),
         ("demand_m3_h", &FINITE),
         ("head_m", &FINITE),
         ("area_m2", &POSITIVE),
         ("closing_time_s", &POSITIVE),
+        ("closing_start_s", &NOT_NEGATIVE),
         ("discharge_head_m", &FINITE),
         ("cda_mm2", &POSITIVE),
         ("suction_head_m", &FINITE),
@@ -270,7 +324,7 @@ fn report_values(section: &Section<'_>) {
     limits.into_iter().for_each(|(key, limits)| _ = section.number(key, limits));
     _ = section.pair("at");
     _ = share(section, "closing_time_tolerance_percent");
-    _ = (over_time(section, "opening", &SHARE), over_time(section, "speed", &NOT_NEGATIVE));
+    _ = (over_time(section, "opening", &SHARE), over_time(section, "speed", &NOT_NEGATIVE), characteristic(section));
     _ = section.points("curve_m3_h_m", CURVE);
 }
 
@@ -279,11 +333,12 @@ const CURVE: &str =
     "a list [[m3/h, m], …] of one point, or of three of which the first has no flow, with heads that fall";
 
 fn read_opening(section: &Section<'_>) -> Option<Opening> {
-    let words = "the opening's area times its discharge coefficient (a valve that closes has 'closing_time_s' instead)";
+    let words =
+        "the opening's area times its discharge coefficient (the valve that closes first has 'closing_time_s' instead)";
     let cda_mm2 = section.required("cda_mm2", words, section.number("cda_mm2", &POSITIVE));
     let opening = over_time(section, "opening", &SHARE).unwrap_or_else(|| vec![(0.0, 1.0)]);
     let discharge_head_m = section.number("discharge_head_m", &FINITE);
-    Some(Opening { cda_m2: cda_mm2? * 1e-6, opening, discharge_head_m })
+    Some(Opening { cda_m2: cda_mm2? * 1e-6, opening, discharge_head_m, closing: None })
 }
 
 fn read_pump(section: &Section<'_>) -> Option<Pump> {
@@ -367,7 +422,23 @@ mod tests {
             (
                 end,
                 "name = \"end\"\nkind = \"valve\"\nclosing_time_s = 1",
-                "'valve' and 'end' both have a 'closing_time_s'",
+                "'valve' and 'end' both have a 'closing_time_s' and no 'cda_mm2'",
+            ),
+            (
+                "closing_time_s = 0.05",
+                "closing_time_s = 0.05\ncda_mm2 = 9\ndischarge_head_m = 0",
+                "no valve closes first",
+            ),
+            ("closing_time_s = 0.05", "closing_time_s = 0.05\nclosing_start_s = 1", "without closes first, at time 0"),
+            (
+                "closing_time_s = 0.05",
+                "closing_time_s = 0.05\ncharacteristic = [[0, 1], [1, 0.1]]",
+                "a list [[0, 1], …, [1, 0]]",
+            ),
+            (
+                end,
+                "name = \"end\"\nkind = \"valve\"\ncda_mm2 = 3\nclosing_start_s = 1",
+                "that closes: give its 'closing_time_s'",
             ),
             (end, "name = \"end\"\nkind = \"valve\"", "missing key 'cda_mm2' in [[node]]"),
             (end, "name = \"end\"\nkind = \"valve\"\ncda_mm2 = 3", "valve 'end' needs a pipe that ends there"),

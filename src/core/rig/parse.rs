@@ -40,7 +40,8 @@ const PIPE: &[&str] = &[
     "to",
 ];
 const UPSTREAM: &[&str] = &["kind"];
-const DOWNSTREAM: &[&str] = &["kind", "closing_time_s", "discharge_head_m", "closing_time_tolerance_percent"];
+const DOWNSTREAM: &[&str] =
+    &["kind", "closing_time_s", "discharge_head_m", "closing_time_tolerance_percent", "characteristic"];
 const STEADY: &[&str] =
     &["name", "flow_m3_h", "supply_head_m", "temperature_degC", "reynolds_number", "wave_speed_m_s"];
 
@@ -223,8 +224,9 @@ fn read_series<'a>(
         let closing_time_s = section.required_number("closing_time_s", &POSITIVE);
         let discharge_head_m = section.number("discharge_head_m", &FINITE).unwrap_or(0.0);
         let closing_time_tolerance = share(&section, "closing_time_tolerance_percent");
+        let characteristic = network::characteristic(&section);
         kind?;
-        Some(Valve { closing_time_s: closing_time_s?, discharge_head_m, closing_time_tolerance })
+        Some(Valve { closing_time_s: closing_time_s?, discharge_head_m, closing_time_tolerance, characteristic })
     });
     Some(Joined { graph: Graph::in_series(pipes?.len()), upstream: upstream?, valve: valve? })
 }

@@ -54,6 +54,7 @@ pub struct ValveLawChoice {
 /// # Errors
 /// As `fitted`.
 pub fn choose_valve_law<E>(
+    rig: &Rig,
     effects: &[Chosen],
     fitted: impl Fn(&[Chosen]) -> Result<Fit, E>,
 ) -> Result<ValveLawChoice, E> {
@@ -63,7 +64,10 @@ pub fn choose_valve_law<E>(
     if effects.iter().any(settles) {
         return Ok(ValveLawChoice { fit: linear, evidence: None, two_stages: false });
     }
-    let law = parse_list(LAW).unwrap_or_default();
+    let valves = rig.graph.closing_valves();
+    // The command reads the valve that closes first.
+    let at_first = |law: Chosen| if valves.len() > 1 { law.at_valve(valves[0]) } else { law };
+    let law: Vec<Chosen> = parse_list(LAW).unwrap_or_default().into_iter().map(at_first).collect();
     let staged = fitted(&[&linear.effects[..], &law].concat())?;
     let evidence = staged.evidence_over(&linear);
     // Any law of the valve improves the fit of a pipe that lacks something a little.

@@ -235,7 +235,8 @@ mod tests {
         let rig = Rig::from_toml(HDPE, "rig.toml").unwrap();
         let pipe = parse_list("viscoelastic-wall:1").unwrap();
         let lawful = |runs: &[RunData]| {
-            choose_valve_law(&pipe, |effects| calibrate(&rig, runs, effects, &Options::default(), &|_| {})).unwrap()
+            choose_valve_law(&rig, &pipe, |effects| calibrate(&rig, runs, effects, &Options::default(), &|_| {}))
+                .unwrap()
         };
         let staged = [record(&rig, &parse_list("viscoelastic-wall:1,valve-law").unwrap(), &TRUTH, RUN, 0.01, 6.0)];
         let found = lawful(&staged);

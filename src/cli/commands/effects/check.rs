@@ -40,7 +40,7 @@ pub fn run(args: &Args, json: bool) -> CommandResult {
     let effect = compiled(&name, &text)?;
     let mut rig = args.rig.as_deref().map_or_else(demo_rig, |path: &Path| Rig::load(path))?;
     rig.own_effects.insert(name, text);
-    let chosen = Chosen { effect, elements: None, sensor: None, pipe: None };
+    let chosen = Chosen::of(effect);
     let checked = Checked::on(&rig, &chosen)?;
     let example = Example::on(&rig, &chosen)?;
     if let Some(path) = &args.svg {

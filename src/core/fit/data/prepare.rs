@@ -100,8 +100,11 @@ fn impulse_velocity(recording: &Recording, features: &Features) -> Option<f64> {
 }
 
 /// The closing time that the pressures show: always of a slow closure, whose end the oscillation after it tells to a fraction of a period, while the rig
-/// file's may be off by many; of a fast one where the rig file's is far from it.
+/// file's may be off by many; of a fast one where the rig file's is far from it. Where several valves close, the end is that of the last.
 fn shown_closing_time(rig: &Rig, features: &Features) -> Option<ShownClosing> {
+    if rig.graph.others_that_close().next().is_some() {
+        return None;
+    }
     let (nominal_s, closure) = (rig.valve.closing_time_s, &features.closure);
     let seen_s = closure.end_s? - closure.pressure_onset_s;
     let agree = (seen_s / CLOSING_TIME_FACTOR..=seen_s * CLOSING_TIME_FACTOR).contains(&nominal_s);

@@ -6,7 +6,7 @@ use crate::fit::problem::thresholds::{VISIBLE_COMPLIANCE_SHARE, VISIBLE_TIMES_PE
 /// The variables of a model by what they describe.
 pub(crate) struct Groups {
     pub(crate) wave_speeds: Vec<usize>,
-    /// Closing time and start, and the valve's law.
+    /// Closing time and start of each valve, and its law.
     pub(crate) closure: Vec<usize>,
     pub(crate) velocities: Vec<usize>,
     pub(crate) levels: Vec<usize>,
@@ -28,7 +28,9 @@ impl Groups {
         };
         let mut groups = Groups {
             wave_speeds: (0..model.rig.pipes.len()).collect(),
-            closure: named(&["closing_time", "closure_start"]),
+            closure: (model.rig.pipes.len()..model.effects_from())
+                .chain(named(&["closing_time", "closure_start"]))
+                .collect(),
             velocities: named(&["initial_velocity"]),
             levels: named(&["valve_head", "offset"]),
             friction: named(&["friction_scale"]),

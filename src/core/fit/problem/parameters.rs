@@ -34,7 +34,9 @@ pub fn of(model: &Model, runs: &[RunData]) -> (Vec<Parameter>, Vec<usize>) {
             prior: valve_head_m.1.map(|sd| (valve_head_m.0, sd)),
             ..head
         });
-        let closing = known_closing(model.rig, started_at(closing, run.start.closing_time.map(|shown| shown.seen_s.0)));
+        let valve = &model.rig.valve;
+        let closing = started_at(closing, run.start.closing_time.map(|shown| shown.seen_s.0))
+            .known_within(valve.closing_time_s, valve.closing_time_tolerance);
         // A valve that closes slowly hardly moves the head at first.
         let reach = (10.0 * closure_s.1).max(0.25 * period_s.max(closing.start));
         parameters.extend([closing, friction]);
@@ -94,16 +96,6 @@ fn place_of(rig: &Rig, sensor: &Sensor) -> Option<Parameter> {
     let (lower, upper) = ((at - FARTHEST_SD * sd_m).max(0.0), (at + FARTHEST_SD * sd_m).min(length_m));
     let variable = at > 0.0 && at < length_m && sd_m > 0.0;
     variable.then(|| Parameter::linear(name, "m", about, at, lower, upper).with_prior(at, sd_m))
-}
-
-/// The closing time as the rig file knows it.
-fn known_closing(rig: &Rig, closing: Parameter) -> Parameter {
-    let nominal_s = rig.valve.closing_time_s;
-    match rig.valve.closing_time_tolerance {
-        Some(0.0) => Parameter { start: nominal_s, lower: nominal_s, upper: nominal_s, ..closing },
-        Some(share) => Parameter { start: nominal_s, ..closing }.with_prior(nominal_s, share),
-        None => closing,
-    }
 }
 
 /// A closing time that starts at the one that the pressures show, with bounds that include it amply.

@@ -87,7 +87,7 @@ fn is_free(problem: &FitProblem, j: usize) -> bool {
 }
 
 fn has_two_stages(model: &Model) -> bool {
-    model.effects.iter().any(|c| c.effect.name() == "valve-law")
+    model.effects.iter().any(|c| c.effect.name() == "valve-law" && c.valve(model.rig) == model.rig.graph.valve)
 }
 
 /// The steps of a stepwise calibration so far, and the features that were still to be used when it stopped.

@@ -105,17 +105,21 @@ pub fn parse_list(text: &str) -> Result<Vec<Chosen>, ModelError> {
             }
             (Some(_), None) => return Err(ModelError::NoElements { item: item.to_owned() }),
         };
-        if at.is_some() && !effect.at_sensor() && !effect.on_pipe() {
-            return Err(ModelError::NoSensor { item: item.to_owned() });
+        let (mut sensor, mut pipe, mut valve) = (None, None, None);
+        match at {
+            None => {}
+            at if effect.at_sensor() => sensor = at,
+            at if effect.on_pipe() => pipe = at,
+            at if effect.at_valve() => valve = at,
+            _ => return Err(ModelError::NoSensor { item: item.to_owned() }),
         }
-        let (sensor, pipe) = if effect.at_sensor() { (at, None) } else { (None, at) };
         for other in &chosen {
             if other.effect.name() == name {
                 return Err(ModelError::EffectTwice { name: name.to_owned() });
             }
             excluded(effect, other.effect)?;
         }
-        chosen.push(Chosen { effect, elements, sensor, pipe });
+        chosen.push(Chosen { effect, elements, sensor, pipe, valve });
     }
     Ok(chosen)
 }

@@ -170,6 +170,7 @@ impl Memory {
 }
 
 widened! {
+    over u.len();
     fn advance_blocks(terms: &[(f64, f64)], forgotten: f64, states: &mut [[f64; BLOCK]], u: &[f64], momentum: &mut [f64]) {
         let (whole_u, last_u) = u.as_chunks::<BLOCK>();
         let (whole_d, last_d) = momentum.as_chunks_mut::<BLOCK>();

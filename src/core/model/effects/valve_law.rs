@@ -37,6 +37,9 @@ impl Effect for ValveLaw {
     fn variants(&self) -> &'static [&'static dyn Effect] {
         &[&Power]
     }
+    fn at_valve(&self) -> bool {
+        true
+    }
     fn excludes(&self) -> &'static [(&'static str, &'static str)] {
         &[("valve-law/power", ONE_LAW)]
     }
@@ -102,6 +105,9 @@ impl Effect for Power {
     }
     fn trace(&self) -> &'static str {
         ValveLaw.trace()
+    }
+    fn at_valve(&self) -> bool {
+        true
     }
     fn excludes(&self) -> &'static [(&'static str, &'static str)] {
         &[("valve-law", ONE_LAW)]

@@ -37,6 +37,9 @@ impl Effect for ValveSeatLeak {
     fn variants(&self) -> &'static [&'static dyn Effect] {
         &[&Stroke]
     }
+    fn at_valve(&self) -> bool {
+        true
+    }
     fn excludes(&self) -> &'static [(&'static str, &'static str)] {
         &[("valve-seat-leak/stroke", ONE_REST)]
     }
@@ -75,6 +78,9 @@ impl Effect for Stroke {
     }
     fn trace(&self) -> &'static str {
         ValveSeatLeak.trace()
+    }
+    fn at_valve(&self) -> bool {
+        true
     }
     fn excludes(&self) -> &'static [(&'static str, &'static str)] {
         &[("valve-seat-leak", ONE_REST)]

@@ -159,46 +159,58 @@ struct Creep {
 }
 
 impl LineTerm for Creep {
+    fn is_storage_alone(&self) -> bool {
+        true
+    }
+
     fn implicit(&self, segment: usize) -> Implicit {
         Implicit { kappa: self.kappas[segment], mu: 0.0 }
     }
 
     fn advance(&mut self, h: &[f64], _u: &[f64], storage: &mut [f64], _momentum: &mut [f64]) {
+        self.advance_storage(h, storage, false);
+    }
+
+    fn advance_storage(&mut self, h: &[f64], storage: &mut [f64], first: bool) {
         for (segment, nodes) in &self.together {
             let (h, storage) = (&h[nodes.clone()], &mut storage[nodes.clone()]);
+            let mut first = first;
             // Elements two by two: half the passes over the heads.
             let mut pairs = self.elements.chunks_exact_mut(2);
             for pair in &mut pairs {
-                let [first, second] = pair else { continue };
-                creep_of_two(first.of(*segment, nodes), second.of(*segment, nodes), h, storage);
+                let [one, other] = pair else { continue };
+                creep_of_two(one.of(*segment, nodes), other.of(*segment, nodes), h, storage, first);
+                first = false;
             }
             if let [last] = pairs.into_remainder() {
-                creep_of_one(last.of(*segment, nodes), h, storage);
+                creep_of_one(last.of(*segment, nodes), h, storage, first);
             }
         }
     }
 }
 
-// By index, as in the convolution of unsteady friction.
+// By index, as in the convolution of unsteady friction. The first of them sets the storage, which saves a pass over it.
 widened! {
-    fn creep_of_two(a: Share, b: Share, h: &[f64], storage: &mut [f64]) {
+    over h.len();
+    fn creep_of_two(a: Share, b: Share, h: &[f64], storage: &mut [f64], first: bool) {
         let m = h.len();
         let (x, y, out) = (&mut a.strain[..m], &mut b.strain[..m], &mut storage[..m]);
         for i in 0..m {
             x[i] = a.decay * x[i] + a.gain * h[i];
             y[i] = b.decay * y[i] + b.gain * h[i];
-            out[i] += x[i] + y[i];
+            out[i] = if first { x[i] + y[i] } else { out[i] + (x[i] + y[i]) };
         }
     }
 }
 
 widened! {
-    fn creep_of_one(a: Share, h: &[f64], storage: &mut [f64]) {
+    over h.len();
+    fn creep_of_one(a: Share, h: &[f64], storage: &mut [f64], first: bool) {
         let m = h.len();
         let (x, out) = (&mut a.strain[..m], &mut storage[..m]);
         for i in 0..m {
             x[i] = a.decay * x[i] + a.gain * h[i];
-            out[i] += x[i];
+            out[i] = if first { x[i] } else { out[i] + x[i] };
         }
     }
 }
