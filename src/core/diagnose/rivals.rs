@@ -95,16 +95,14 @@ impl Search<'_> {
         })
     }
 
-    /// Tries the other effects in the place of each one that the best model adds. One that may be anywhere imitates others; one that leaves much may
-    /// stand in for another.
+    /// Tries the other effects in the place of each one that the best model adds: beside the rest as it stands now they may be far better than they
+    /// were beside the start model, where one may have imitated another.
     fn look_around(&mut self, best: usize) {
         let Some(winner) = self.met[best].fit.clone() else { return };
         self.met[best].looked_around = Some(square(&winner));
         for i in self.added(&winner.effects) {
-            if winner.effects[i].effect.on_pipe() || !self.is_quiet(self.met[best].key.len()) {
-                let forecast = self.expand(&winner, Some(i));
-                self.fit_leading(&forecast, square(self.start));
-            }
+            let forecast = self.expand(&winner, Some(i));
+            self.fit_leading(&forecast, square(self.start));
         }
         self.without_one(&winner);
     }
