@@ -18,9 +18,12 @@ use std::sync::Arc;
 
 use crate::diagnose::exchange::exchanged;
 use crate::diagnose::needless::without_needless;
+use crate::diagnose::rest::explain;
+use crate::diagnose::rest::explanation::Explanation;
 use crate::diagnose::{Diagnosis, diagnose, diagnose_fit, grow};
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
+use crate::fit::problem::error::FitError;
 use crate::fit::progress::{OnProgress, Progress};
 use crate::fit::search::calibrate::without;
 use crate::fit::search::nested::with_more_elements;
@@ -249,6 +252,16 @@ impl Study {
         let is_it = |c: &Chosen| c.label() == effect || c.effect.name() == effect;
         let Some(i) = fit.effects.iter().position(is_it) else { return Err(Error::NoSuchEffect(effect.to_owned())) };
         Ok(without(&self.rig, &self.runs, fit, i, &options_of(fit), self.watcher())?)
+    }
+
+    /// What would explain what a fitted model leaves, where no effect of the catalogue does: the most probable place of a forcing first, then those
+    /// that the recordings cannot tell from it. Nothing where nothing is left.
+    ///
+    /// # Errors
+    /// A recording with a faulty sensor, a model that cannot be simulated.
+    pub fn explain(&self, fit: &Fit) -> Result<Vec<Explanation>> {
+        self.recordings.iter().try_for_each(Loaded::require_sound)?;
+        Ok(explain(&self.rig, &self.runs, fit, &options_of(fit), self.watcher()).map_err(FitError::from)?)
     }
 
     /// As [`Study::diagnose_model`], of a model that is fitted already with these options. It may have `grown` out of a smaller one by effects that

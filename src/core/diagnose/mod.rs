@@ -25,6 +25,7 @@ pub mod next;
 pub(crate) mod outcome;
 pub mod refit;
 pub mod residual_patterns;
+pub mod rest;
 pub(crate) mod rivals;
 pub(crate) mod screening;
 pub(crate) mod search;
@@ -150,6 +151,7 @@ fn diagnose_start(
         held_out_m: None,
         visible: Vec::new(),
         next_test: None,
+        rest: Vec::new(),
         is_held: held.is_some(),
         start: start.clone(),
     };
@@ -167,7 +169,12 @@ fn diagnose_start(
             let forms: Vec<Form> = search.forms_alone();
             diagnosis.visible = visible(&baseline, &forms, weighed.scale, search.least_fall);
         }
-        Verdict::UnknownEffect => {}
+        Verdict::UnknownEffect => match rest::explain(rig, runs, &diagnosis.start, options, progress) {
+            Ok(explanations) => diagnosis.rest = explanations,
+            Err(error) => {
+                diagnosis.warnings.push(format!("what would explain the rest could not be solved for: {error}"))
+            }
+        },
     }
     Ok(diagnosis)
 }

@@ -1,0 +1,248 @@
+//! The forcing at a place as a linear inverse problem, and the evidence for the place.
+//!
+//! What the fitted model leaves is `y = J δ + A f + e`: its free variables may move by `δ`, which is known as well as it was before the fit, and the
+//! forcing `f` is a random process that forgets in a time `τ` (Ornstein & Uhlenbeck 1930). Errors `e` are independent, in units of their believed size
+//! times `s ≥ 1`. Integrated over `δ` and `f`, the likelihood of a place has a closed form (MacKay 1992, Neural Computation 4, 415; Tarantola 2005,
+//! Inverse Problem Theory, ch. 3); its greatest value over strength, `τ` and `s` is the place's evidence. This strength is also that of the discrepancy
+//! principle (Morozov 1966), wherever the place explains the record: what is left is as large as the errors.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::diagnose::rest::cells::{CELLS, Row, Times};
+use crate::diagnose::rest::response::Response;
+use crate::product::{along, dot, gram};
+
+/// Memories of a forcing that are tried, in knots.
+pub(crate) const MEMORIES: [f64; 3] = [2.0, 12.0, 72.0];
+
+/// The data of a run, whitened: in units of each row's error.
+pub(crate) struct Data {
+    pub(crate) rows: Vec<Row>,
+    /// What the model leaves when its variables stand where they were known to be.
+    pub(crate) y: Vec<f64>,
+    /// How the model moves with one standard deviation of what was known of each variable.
+    pub(crate) slopes: Vec<Vec<f64>>,
+}
+
+/// The normal equations of a place.
+pub(crate) struct Normal {
+    /// `AᵀA`, then with the slopes.
+    matrix: DMatrix<f64>,
+    right: DVector<f64>,
+    square: f64,
+    rows: usize,
+    /// Knots of one component, and components.
+    knots: usize,
+    components: usize,
+    slopes: usize,
+}
+
+/// How a forcing is believed to be.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Belief {
+    /// Memory, knots.
+    pub(crate) memory: f64,
+    /// Natural logarithm of the mean square of what it does to a row, in units of the row's error.
+    pub(crate) log_power: f64,
+}
+
+/// What a belief comes to.
+#[derive(Debug, Clone)]
+pub(crate) struct Found {
+    pub(crate) belief: Belief,
+    /// Natural logarithm of the likelihood, but for what all places share.
+    pub(crate) evidence: f64,
+    /// Error of a row over what it was believed to be, squared; not below 1.
+    pub(crate) excess: f64,
+    /// What is left in a row, in units of its error, mean square.
+    pub(crate) left: f64,
+}
+
+/// The forcing and the moves of the variables that it goes with.
+pub(crate) struct Solution {
+    /// Values at the knots of each component.
+    pub(crate) forcing: Vec<Vec<f64>>,
+    /// Their standard deviations.
+    pub(crate) sd: Vec<Vec<f64>>,
+    /// Moves of the variables, in units of what was known of each.
+    pub(crate) moves: Vec<f64>,
+}
+
+/// The columns of a forcing: what a unit hat at each knot does to each row, in units of its error.
+pub(crate) fn columns(rows: &[Row], response: &Response, times: &Times) -> Vec<Vec<f64>> {
+    let mut all = Vec::new();
+    for component in response {
+        for knot in 0..times.knots {
+            let value = |row: &Row| {
+                let Some(cell) = row.cell else { return 0.0 };
+                let since = cell as i64 + CELLS as i64 * (times.before as i64 - knot as i64 + 1);
+                let answer = usize::try_from(since).ok().and_then(|i| component[row.sensor].get(i));
+                answer.map_or(0.0, |a| a / row.sd_m)
+            };
+            all.push(rows.iter().map(value).collect());
+        }
+    }
+    all
+}
+
+impl Normal {
+    /// Of a place with these columns; of no forcing at all where there are none.
+    pub(crate) fn of(data: &Data, columns: Vec<Vec<f64>>, components: usize) -> Normal {
+        let knots = columns.len() / components.max(1);
+        let mut all = columns;
+        all.extend(data.slopes.iter().cloned());
+        Normal {
+            matrix: gram(&all),
+            right: along(&all, &data.y),
+            square: dot(&data.y, &data.y),
+            rows: data.y.len(),
+            knots,
+            components,
+            slopes: data.slopes.len(),
+        }
+    }
+
+    fn size(&self) -> usize {
+        self.knots * self.components + self.slopes
+    }
+
+    /// Variance of the forcing at a knot that gives it a power.
+    fn variance(&self, log_power: f64) -> f64 {
+        let forced = self.knots * self.components;
+        let trace: f64 = (0..forced).map(|i| self.matrix[(i, i)]).sum();
+        log_power.exp() * self.rows as f64 / trace.max(f64::MIN_POSITIVE)
+    }
+
+    /// The matrix of the posterior, factored, and the logarithm of the determinant of its ratio to the prior.
+    fn factored(&self, belief: Belief) -> Option<(Cholesky, f64)> {
+        let n = self.size();
+        let mut m: Vec<Vec<f64>> = (0..n).map(|i| (0..=i).map(|j| self.matrix[(i, j)]).collect()).collect();
+        let kept = (-1.0 / belief.memory).exp();
+        let by = if self.knots > 0 { 1.0 / (self.variance(belief.log_power) * (1.0 - kept * kept)) } else { 0.0 };
+        for c in 0..self.components {
+            for k in 0..self.knots {
+                let i = c * self.knots + k;
+                let ends = k == 0 || k + 1 == self.knots;
+                m[i][i] += by * if ends { 1.0 } else { 1.0 + kept * kept };
+                if k > 0 {
+                    m[i][i - 1] -= by * kept;
+                }
+            }
+        }
+        for (i, row) in m.iter_mut().enumerate().skip(self.knots * self.components) {
+            row[i] += 1.0;
+        }
+        // Determinant of the prior's precision: that of the first value, and of each step.
+        let knots = (self.knots * self.components) as f64;
+        let prior = knots * by.max(f64::MIN_POSITIVE).ln() + self.components as f64 * (1.0 - kept * kept).ln();
+        let factor = Cholesky::of(m)?;
+        let log_ratio = factor.log_determinant() - if self.knots > 0 { prior } else { 0.0 };
+        Some((factor, log_ratio))
+    }
+
+    /// The evidence for a belief; none where the matrix is singular.
+    pub(crate) fn judged(&self, belief: Belief) -> Option<Found> {
+        let (factor, log_ratio) = self.factored(belief)?;
+        let half = factor.forward(self.right.as_slice());
+        let left = (self.square - dot(&half, &half)).max(0.0);
+        let n = self.rows as f64;
+        let excess = (left / n).max(1.0);
+        Some(Found { belief, evidence: -0.5 * (n * excess.ln() + left / excess + log_ratio), excess, left: left / n })
+    }
+
+    /// The best power for a memory, and the evidence for it.
+    pub(crate) fn best(&self, memory: f64) -> Option<Found> {
+        if self.knots == 0 {
+            return self.judged(Belief { memory, log_power: 0.0 });
+        }
+        let mean = (self.square / self.rows as f64).max(1.0).ln();
+        let at = |log_power: f64| self.judged(Belief { memory, log_power });
+        let (mut low, mut high) = (-4.0, mean + 4.0);
+        // Golden section (Kiefer 1953).
+        let golden = 0.5 * (5f64.sqrt() - 1.0);
+        let mut inner = [at(high - golden * (high - low))?, at(low + golden * (high - low))?];
+        for _ in 0..6 {
+            if inner[0].evidence > inner[1].evidence {
+                high = inner[1].belief.log_power;
+                inner = [at(high - golden * (high - low))?, inner[0].clone()];
+            } else {
+                low = inner[0].belief.log_power;
+                inner = [inner[1].clone(), at(low + golden * (high - low))?];
+            }
+        }
+        let [a, b] = inner;
+        Some(if a.evidence > b.evidence { a } else { b })
+    }
+
+    /// The forcing of a belief. Errors take the excess into account.
+    pub(crate) fn solved(&self, found: &Found) -> Option<Solution> {
+        let (factor, _) = self.factored(found.belief)?;
+        let mean = factor.solve(self.right.as_slice());
+        let sd = factor.inverse_diagonal();
+        let of = |values: &[f64], c: usize| values[c * self.knots..(c + 1) * self.knots].to_vec();
+        let sd: Vec<f64> = sd.iter().map(|v| (v * found.excess).sqrt()).collect();
+        Some(Solution {
+            forcing: (0..self.components).map(|c| of(&mean, c)).collect(),
+            sd: (0..self.components).map(|c| of(&sd, c)).collect(),
+            moves: mean[self.knots * self.components..].to_vec(),
+        })
+    }
+}
+
+/// The lower triangle of a factored matrix, row by row: its products are those of contiguous rows.
+struct Cholesky(Vec<Vec<f64>>);
+
+impl Cholesky {
+    fn of(mut m: Vec<Vec<f64>>) -> Option<Cholesky> {
+        for i in 0..m.len() {
+            let (done, rest) = m.split_at_mut(i);
+            let row = &mut rest[0];
+            for (j, other) in done.iter().enumerate() {
+                row[j] = (row[j] - dot(&row[..j], &other[..j])) / other[j];
+            }
+            let pivot = row[i] - dot(&row[..i], &row[..i]);
+            if !(pivot > 0.0) {
+                return None;
+            }
+            row[i] = pivot.sqrt();
+        }
+        Some(Cholesky(m))
+    }
+
+    fn log_determinant(&self) -> f64 {
+        2.0 * self.0.iter().enumerate().map(|(i, row)| row[i].ln()).sum::<f64>()
+    }
+
+    fn forward(&self, right: &[f64]) -> Vec<f64> {
+        let mut x = right.to_vec();
+        for (i, row) in self.0.iter().enumerate() {
+            x[i] = (x[i] - dot(&row[..i], &x[..i])) / row[i];
+        }
+        x
+    }
+
+    fn solve(&self, right: &[f64]) -> Vec<f64> {
+        let mut x = self.forward(right);
+        for i in (0..x.len()).rev() {
+            x[i] /= self.0[i][i];
+            let by = x[i];
+            x[..i].iter_mut().zip(&self.0[i]).for_each(|(x, l)| *x -= l * by);
+        }
+        x
+    }
+
+    /// The diagonal of the matrix' inverse: the squares of the columns of the triangle's.
+    fn inverse_diagonal(&self) -> Vec<f64> {
+        let n = self.0.len();
+        let mut sums = vec![0.0; n];
+        for column in 0..n {
+            let mut x = vec![0.0; n];
+            x[column] = 1.0 / self.0[column][column];
+            for i in column + 1..n {
+                x[i] = -dot(&self.0[i][column..i], &x[column..i]) / self.0[i][i];
+            }
+            sums[column] = dot(&x, &x);
+        }
+        sums
+    }
+}
