@@ -63,7 +63,7 @@ pub(crate) struct Row {
 /// One run under a fitted model.
 pub(crate) struct Run<'a> {
     pub(crate) problem: FitProblem<'a>,
-    /// Variables that the records may move: neither held nor at a bound.
+    /// Variables that the records may move: those that are not held. One that a fit has moved to a bound may come back.
     pub(crate) free: Vec<usize>,
     /// What was known of each variable before the fit: mean and standard deviation.
     pub(crate) beliefs: Vec<Option<(f64, f64)>>,
@@ -87,7 +87,7 @@ impl<'a> Run<'a> {
         let problem = FitProblem::new(model, runs, Window { reaches: coarse, horizon_s: f64::INFINITY, stride: 1 });
         let values: Vec<f64> = own.iter().map(|p| p.value).collect();
         let x = problem.variables(&values);
-        let free = (0..own.len()).filter(|&j| !own[j].held && !own[j].at_bound).collect();
+        let free = (0..own.len()).filter(|&j| !own[j].held).collect();
         let beliefs = (0..own.len())
             .map(|j| {
                 let variable = |mean: f64| if own[j].scale == Scale::Log { mean.ln() } else { mean };

@@ -1,7 +1,7 @@
 //! The forcing at a place as a linear inverse problem, and the evidence for the place.
 //!
 //! What the fitted model leaves is `y = J δ + A f + e`: its free variables may move by `δ`, which is known as well as it was before the fit, and the
-//! forcing `f` is a random process that forgets in a time `τ` (Ornstein & Uhlenbeck 1930). Errors `e` are independent, in units of their believed size
+//! forcing `f` is a random process that forgets in a time `τ`, with jumps (Ornstein & Uhlenbeck 1930) or without (Matérn 1960). Errors `e` are independent, in units of their believed size
 //! times `s ≥ 1`. Integrated over `δ` and `f`, the likelihood of a place has a closed form (MacKay 1992, Neural Computation 4, 415; Tarantola 2005,
 //! Inverse Problem Theory, ch. 3); its greatest value over strength, `τ` and `s` is the place's evidence. This strength is also that of the discrepancy
 //! principle (Morozov 1966), wherever the place explains the record: what is left is as large as the errors.
@@ -9,11 +9,64 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::diagnose::rest::cells::{CELLS, Row, Times};
+use crate::diagnose::rest::pulse::REACH;
 use crate::diagnose::rest::response::Response;
 use crate::product::{along, dot, gram};
 
-/// Memories of a forcing that are tried, in knots.
-pub(crate) const MEMORIES: [f64; 3] = [2.0, 12.0, 72.0];
+/// How a forcing may go on from knot to knot: those that are tried.
+pub(crate) const PROCESSES: [Process; 6] = [
+    Process { is_smooth: false, memory: 2.0 },
+    Process { is_smooth: false, memory: 12.0 },
+    Process { is_smooth: false, memory: 72.0 },
+    Process { is_smooth: true, memory: 1.0 },
+    Process { is_smooth: true, memory: 4.0 },
+    Process { is_smooth: true, memory: 16.0 },
+];
+
+/// A random process.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Process {
+    /// Its slope is continuous, too: a critically damped oscillator that noise drives. Otherwise it may jump.
+    pub(crate) is_smooth: bool,
+    /// In how many knots it forgets.
+    pub(crate) memory: f64,
+}
+
+impl Process {
+    /// Coefficients of the regression of a value on the two before it (those of one or two equal roots), and the variance of what is new in it, of a
+    /// process of variance 1.
+    fn regression(self) -> ([f64; 2], f64) {
+        let kept = (-1.0 / self.memory).exp();
+        let square = kept * kept;
+        match self.is_smooth {
+            true => ([2.0 * kept, -square], (1.0 - square).powi(3) / (1.0 + square)),
+            false => ([kept, 0.0], 1.0 - square),
+        }
+    }
+
+    /// Adds its precision, times `by`, to a lower triangle from row `first` on; returns the logarithm of the precision's determinant.
+    fn add(self, by: f64, m: &mut [Vec<f64>], first: usize, knots: usize) -> f64 {
+        let ([one, two], new) = self.regression();
+        let correlation = one / (1.0 - two);
+        let mut log_determinant = 0.0;
+        for k in 0..knots {
+            // What is new in it, and its variance: of the first two values, as they are without what came before.
+            let (from, variance) = match k {
+                0 => ([0.0, 0.0], 1.0),
+                1 => ([correlation, 0.0], 1.0 - correlation * correlation),
+                _ => ([one, two], new),
+            };
+            let weights = [1.0, -from[0], -from[1]];
+            for (a, wa) in weights.iter().enumerate().filter(|(a, _)| *a <= k) {
+                for (b, wb) in weights.iter().enumerate().filter(|(b, _)| *b >= a && *b <= k) {
+                    m[first + k - a][first + k - b] += by * wa * wb / variance;
+                }
+            }
+            log_determinant += (by / variance).ln();
+        }
+        log_determinant
+    }
+}
 
 /// The data of a run, whitened: in units of each row's error.
 pub(crate) struct Data {
@@ -40,8 +93,8 @@ pub(crate) struct Normal {
 /// How a forcing is believed to be.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Belief {
-    /// Memory, knots.
-    pub(crate) memory: f64,
+    /// How it goes on.
+    pub(crate) process: Process,
     /// Natural logarithm of the mean square of what it does to a row, in units of the row's error.
     pub(crate) log_power: f64,
 }
@@ -58,24 +111,22 @@ pub(crate) struct Found {
     pub(crate) left: f64,
 }
 
-/// The forcing and the moves of the variables that it goes with.
+/// A forcing.
 pub(crate) struct Solution {
     /// Values at the knots of each component.
     pub(crate) forcing: Vec<Vec<f64>>,
     /// Their standard deviations.
     pub(crate) sd: Vec<Vec<f64>>,
-    /// Moves of the variables, in units of what was known of each.
-    pub(crate) moves: Vec<f64>,
 }
 
-/// The columns of a forcing: what a unit hat at each knot does to each row, in units of its error.
+/// The columns of a forcing: what a unit pulse at each knot does to each row, in units of its error.
 pub(crate) fn columns(rows: &[Row], response: &Response, times: &Times) -> Vec<Vec<f64>> {
     let mut all = Vec::new();
     for component in response {
         for knot in 0..times.knots {
             let value = |row: &Row| {
                 let Some(cell) = row.cell else { return 0.0 };
-                let since = cell as i64 + CELLS as i64 * (times.before as i64 - knot as i64 + 1);
+                let since = cell as i64 + CELLS as i64 * (times.before as i64 - knot as i64 + REACH as i64);
                 let answer = usize::try_from(since).ok().and_then(|i| component[row.sensor].get(i));
                 answer.map_or(0.0, |a| a / row.sd_m)
             };
@@ -117,26 +168,13 @@ impl Normal {
     fn factored(&self, belief: Belief) -> Option<(Cholesky, f64)> {
         let n = self.size();
         let mut m: Vec<Vec<f64>> = (0..n).map(|i| (0..=i).map(|j| self.matrix[(i, j)]).collect()).collect();
-        let kept = (-1.0 / belief.memory).exp();
-        let by = if self.knots > 0 { 1.0 / (self.variance(belief.log_power) * (1.0 - kept * kept)) } else { 0.0 };
-        for c in 0..self.components {
-            for k in 0..self.knots {
-                let i = c * self.knots + k;
-                let ends = k == 0 || k + 1 == self.knots;
-                m[i][i] += by * if ends { 1.0 } else { 1.0 + kept * kept };
-                if k > 0 {
-                    m[i][i - 1] -= by * kept;
-                }
-            }
-        }
-        for (i, row) in m.iter_mut().enumerate().skip(self.knots * self.components) {
-            row[i] += 1.0;
-        }
-        // Determinant of the prior's precision: that of the first value, and of each step.
-        let knots = (self.knots * self.components) as f64;
-        let prior = knots * by.max(f64::MIN_POSITIVE).ln() + self.components as f64 * (1.0 - kept * kept).ln();
+        let by = 1.0 / self.variance(belief.log_power);
+        let forced = self.knots * self.components;
+        let of = |c: usize| belief.process.add(by, &mut m, c * self.knots, self.knots);
+        let prior: f64 = (0..self.components).map(of).sum();
+        m.iter_mut().enumerate().skip(forced).for_each(|(i, row)| row[i] += 1.0);
         let factor = Cholesky::of(m)?;
-        let log_ratio = factor.log_determinant() - if self.knots > 0 { prior } else { 0.0 };
+        let log_ratio = factor.log_determinant() - prior;
         Some((factor, log_ratio))
     }
 
@@ -150,18 +188,18 @@ impl Normal {
         Some(Found { belief, evidence: -0.5 * (n * excess.ln() + left / excess + log_ratio), excess, left: left / n })
     }
 
-    /// The best power for a memory, and the evidence for it.
-    pub(crate) fn best(&self, memory: f64) -> Option<Found> {
+    /// The best power for a process, and the evidence for it.
+    pub(crate) fn best(&self, process: Process, steps: usize) -> Option<Found> {
         if self.knots == 0 {
-            return self.judged(Belief { memory, log_power: 0.0 });
+            return self.judged(Belief { process, log_power: 0.0 });
         }
         let mean = (self.square / self.rows as f64).max(1.0).ln();
-        let at = |log_power: f64| self.judged(Belief { memory, log_power });
+        let at = |log_power: f64| self.judged(Belief { process, log_power });
         let (mut low, mut high) = (-4.0, mean + 4.0);
         // Golden section (Kiefer 1953).
         let golden = 0.5 * (5f64.sqrt() - 1.0);
         let mut inner = [at(high - golden * (high - low))?, at(low + golden * (high - low))?];
-        for _ in 0..6 {
+        for _ in 2..steps {
             if inner[0].evidence > inner[1].evidence {
                 high = inner[1].belief.log_power;
                 inner = [at(high - golden * (high - low))?, inner[0].clone()];
@@ -174,6 +212,12 @@ impl Normal {
         Some(if a.evidence > b.evidence { a } else { b })
     }
 
+    /// The moves of the variables, in units of what was known of each.
+    pub(crate) fn moves(&self, found: &Found) -> Option<Vec<f64>> {
+        let (factor, _) = self.factored(found.belief)?;
+        Some(factor.solve(self.right.as_slice()).split_off(self.knots * self.components))
+    }
+
     /// The forcing of a belief. Errors take the excess into account.
     pub(crate) fn solved(&self, found: &Found) -> Option<Solution> {
         let (factor, _) = self.factored(found.belief)?;
@@ -184,7 +228,6 @@ impl Normal {
         Some(Solution {
             forcing: (0..self.components).map(|c| of(&mean, c)).collect(),
             sd: (0..self.components).map(|c| of(&sd, c)).collect(),
-            moves: mean[self.knots * self.components..].to_vec(),
         })
     }
 }

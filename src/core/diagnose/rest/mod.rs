@@ -24,8 +24,9 @@ use crate::diagnose::measures::{least_fall, over_noise};
 use crate::diagnose::rest::cells::{CELLS, Run, Times};
 use crate::diagnose::rest::explanation::{Explanation, Site};
 use crate::diagnose::rest::law::{Followed, law_of};
-use crate::diagnose::rest::places::{Spot, places, spacing_m};
-use crate::diagnose::rest::ranking::{Ranked, Ranking, normal, ranked};
+use crate::diagnose::rest::places::{Spot, places};
+use crate::diagnose::rest::pulse::REACH;
+use crate::diagnose::rest::ranking::{Contender, contenders, normal};
 use crate::diagnose::rest::resolution::times;
 use crate::diagnose::rest::response::{met, response};
 use crate::diagnose::rest::waveform::Waveform;
@@ -37,38 +38,6 @@ use crate::fit::search::options::Options;
 use crate::fit::search::thresholds::COARSE_REACHES;
 use crate::model::{Model, ModelError};
 use crate::rig::Rig;
-
-/// A run with its ranked places.
-struct Judged<'a> {
-    run: Run<'a>,
-    times: Times,
-    ranking: Ranking,
-}
-
-impl Judged<'_> {
-    /// Evidence of a place over no forcing.
-    fn evidence(&self, place: &Ranked) -> f64 {
-        place.found.evidence - self.ranking.nothing.evidence
-    }
-
-    fn of(&self, key: &Key) -> Option<&Ranked> {
-        self.ranking.places.iter().find(|p| key_of(&p.spot, &self.run) == *key)
-    }
-}
-
-/// A place, the same for all runs.
-#[derive(Debug, Clone, PartialEq)]
-enum Key {
-    Spot(Spot),
-    Sensor(String),
-}
-
-fn key_of(spot: &Spot, run: &Run) -> Key {
-    match spot {
-        Spot::Sensor(s) => Key::Sensor(run.data().sensors[*s].sensor.name.clone()),
-        other => Key::Spot(other.clone()),
-    }
-}
 
 /// What would explain what a fitted model leaves of `runs`: the most probable place first, then those that cannot be told from it. Nothing where
 /// nothing is left.
@@ -91,120 +60,80 @@ pub fn explain(
     let values = fit.values();
     let shared = &values[..model.shared.len()];
     let coarse = model.fitting_reaches(shared, COARSE_REACHES.max(model.least_reaches(shared)));
-    let judged = (0..runs.len()).map(|r| {
-        let mut run = Run::new(&model, &runs[r..=r], fit, coarse)?;
-        let times = times(&run)?;
-        let spots = places(rig, &run);
-        let ranking = ranked(&mut run, &spots, &times)?;
-        Ok(Judged { run, times, ranking })
-    });
-    let judged: Vec<Judged> = judged.collect::<Result<_, ModelError>>()?;
-    let Some(first) = judged.first() else { return Ok(Vec::new()) };
-    let keys = first.ranking.places.iter().map(|p| key_of(&p.spot, &first.run));
-    let total = |key: &Key| -> f64 {
-        judged.iter().map(|j| j.of(key).map_or(f64::NEG_INFINITY, |place| j.evidence(place))).sum()
-    };
-    let mut all: Vec<(Key, f64)> = keys.map(|key| (key.clone(), total(&key))).collect();
-    all.sort_by(|a, b| b.1.total_cmp(&a.1));
-    // Each kind of place by its best member: along a pipe, by the mean over its places.
-    let mut kinds: Vec<(Key, f64, f64)> = Vec::new();
-    for (key, evidence) in &all {
-        if !kinds.iter().any(|(other, ..)| is_same_pipe(other, key)) {
-            let own = all.iter().filter(|(other, _)| is_same_pipe(other, key));
-            let (n, sum) = own.fold((0.0, 0.0), |(n, sum), (_, e)| (n + 1.0, sum + tempered(e - evidence).exp()));
-            kinds.push((key.clone(), *evidence, tempered(*evidence) + f64::ln(sum / n)));
+    let mut all: Vec<Kind> = Vec::new();
+    for r in 0..runs.len() {
+        let again = || Run::new(&model, &runs[r..=r], fit, coarse);
+        let run = again()?;
+        let (times, spots) = (times(&run)?, places(rig, &run));
+        let found = contenders(run, again, &spots, &times)?;
+        // What no forcing leaves is judged where the variables are best without.
+        let nothing = found.iter().map(|c| c.nothing.evidence).fold(f64::NEG_INFINITY, f64::max);
+        for contender in found {
+            let name = contender.spot.name(&contender.run);
+            let evidence = contender.found.evidence - nothing;
+            match all.iter_mut().find(|kind| kind.name == name) {
+                Some(kind) => kind.runs.push((contender, times, evidence)),
+                None => all.push(Kind { name, runs: vec![(contender, times, evidence)] }),
+            }
         }
     }
-    kinds.sort_by(|a, b| b.2.total_cmp(&a.2));
-    let Some(&(_, best, top)) = kinds.first() else { return Ok(Vec::new()) };
-    if best < LEAST_EVIDENCE {
+    all.sort_by(|a, b| b.log_odds(rig).total_cmp(&a.log_odds(rig)));
+    let Some(best) = all.first() else { return Ok(Vec::new()) };
+    if best.evidence() < LEAST_EVIDENCE {
         return Ok(Vec::new());
     }
-    let odds: f64 = kinds.iter().map(|(_, _, log_odds)| (log_odds - top).exp()).sum::<f64>() + (-top).exp();
-    let shown = kinds.iter().filter(|(_, _, log_odds)| top - log_odds < INDISTINGUISHABLE);
-    let described = shown.filter_map(|(key, evidence, log_odds)| {
-        let site = site_of(rig, &judged, &all, key).transpose()?;
-        let probability = (log_odds - top).exp() / odds;
-        site.and_then(|site| described(&judged, key, site, probability, *evidence)).transpose()
-    });
-    described.collect()
+    let top = best.log_odds(rig);
+    let odds: f64 = all.iter().map(|kind| (kind.log_odds(rig) - top).exp()).sum::<f64>() + (-top).exp();
+    let shown = all.iter().filter(|kind| top - kind.log_odds(rig) < INDISTINGUISHABLE);
+    shown.filter_map(|kind| described(kind, (kind.log_odds(rig) - top).exp() / odds).transpose()).collect()
 }
 
-/// Whether two places are on one pipe, or the same.
-fn is_same_pipe(one: &Key, other: &Key) -> bool {
-    match (one, other) {
-        (Key::Spot(Spot::Pipe(a, _)), Key::Spot(Spot::Pipe(b, _))) => a == b,
-        (a, b) => a == b,
-    }
+/// A kind of place in the runs that have it, each with its times and the evidence over no forcing.
+struct Kind<'a> {
+    name: String,
+    runs: Vec<(Contender<'a>, Times, f64)>,
 }
 
-/// A place for people. Along a pipe it is looked for between the places that were tried.
-fn site_of(rig: &Rig, judged: &[Judged], all: &[(Key, f64)], key: &Key) -> Result<Option<Site>, ModelError> {
-    let (pipe, best_m) = match key {
-        Key::Sensor(name) => return Ok(Some(Site::Sensor(name.clone()))),
-        Key::Spot(Spot::Supply) => return Ok(Some(Site::Supply)),
-        Key::Spot(Spot::Valve) => return Ok(Some(Site::Valve)),
-        Key::Spot(Spot::Wall) => return Ok(Some(Site::Wall)),
-        Key::Spot(Spot::Sensor(_)) => return Ok(None),
-        Key::Spot(Spot::Pipe(pipe, best_m)) => (pipe, *best_m),
-    };
-    let mut tried: Vec<(f64, f64)> = all
-        .iter()
-        .filter_map(|(other, evidence)| match other {
-            Key::Spot(Spot::Pipe(p, at_m)) if p == pipe => Some((*at_m, *evidence)),
-            _ => None,
-        })
-        .collect();
-    let spacing_m = spacing_m(rig, pipe.as_deref());
-    for part in [-0.75, -0.5, -0.25, 0.25, 0.5, 0.75] {
-        let spot = Spot::Pipe(pipe.clone(), best_m + part * spacing_m);
-        let mut sum = 0.0;
-        for j in judged {
-            let Some(near) = j.of(key) else { return Ok(None) };
-            let normal = normal(&j.run, &j.ranking.data, &spot, &j.times)?;
-            sum += normal.best(near.found.belief.memory).map_or(f64::NEG_INFINITY, |f| f.evidence)
-                - j.ranking.nothing.evidence;
-        }
-        tried.push((best_m + part * spacing_m, sum));
+impl Kind<'_> {
+    /// Evidence over all runs.
+    fn evidence(&self) -> f64 {
+        self.runs.iter().map(|(.., evidence)| evidence).sum()
     }
-    // Each stands for the stretch to its neighbours.
-    tried.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let top = tried.iter().map(|t| t.1).fold(f64::NEG_INFINITY, f64::max);
-    let weight = |i: usize| {
-        let (low, high) = (tried[i.saturating_sub(1)].0, tried[(i + 1).min(tried.len() - 1)].0);
-        (high - low) * tempered(tried[i].1 - top).exp()
-    };
-    let total: f64 = (0..tried.len()).map(weight).sum();
-    let position_m = (0..tried.len()).map(|i| weight(i) * tried[i].0).sum::<f64>() / total;
-    let square: f64 = (0..tried.len()).map(|i| weight(i) * (tried[i].0 - position_m).powi(2)).sum::<f64>() / total;
-    // No finer than they were tried.
-    let error_m = square.sqrt().hypot(0.25 * spacing_m / 12f64.sqrt());
-    Ok(Some(Site::Pipe { pipe: pipe.clone(), position_m, error_m }))
+
+    /// The run that shows it most.
+    fn shown(&self) -> Option<&(Contender<'_>, Times, f64)> {
+        self.runs.iter().max_by(|a, b| a.2.total_cmp(&b.2))
+    }
+
+    /// Logarithm of its odds over no forcing. All places of a pipe are as probable beforehand: of one that is found at a place, only the part that it
+    /// is known to counts.
+    fn log_odds(&self, rig: &Rig) -> f64 {
+        let part = self.shown().filter(|(c, ..)| c.spot.position_m().is_some()).map_or(1.0, |(c, ..)| {
+            (c.position_m().1 * std::f64::consts::TAU.sqrt() / rig.line_length_m(c.spot.line(rig))).min(1.0)
+        });
+        tempered(self.evidence()) + part.ln()
+    }
 }
 
 /// The forcing at a place in the run that shows it most.
-fn described(
-    judged: &[Judged],
-    key: &Key,
-    site: Site,
-    probability: f64,
-    evidence: f64,
-) -> Result<Option<Explanation>, ModelError> {
-    let shown = judged.iter().filter_map(|j| Some((j, j.of(key)?)));
-    let Some((j, place)) = shown.max_by(|a, b| a.0.evidence(a.1).total_cmp(&b.0.evidence(b.1))) else {
-        return Ok(None);
+fn described(kind: &Kind, probability: f64) -> Result<Option<Explanation>, ModelError> {
+    let Some((contender, times, _)) = kind.shown() else { return Ok(None) };
+    let (run, spot, found) = (&contender.run, &contender.spot, &contender.found);
+    let site = match spot {
+        Spot::Supply => Site::Supply,
+        Spot::Valve => Site::Valve,
+        Spot::Wall => Site::Wall,
+        Spot::Sensor(s) => Site::Sensor(run.data().sensors[*s].sensor.name.clone()),
+        Spot::Pipe(pipe, _) => {
+            let (position_m, error_m) = contender.position_m();
+            Site::Pipe { pipe: pipe.clone(), position_m, error_m }
+        }
     };
-    let (run, times) = (&j.run, &j.times);
-    let spot = match (&site, &place.spot) {
-        (Site::Pipe { pipe, position_m, .. }, _) => Spot::Pipe(pipe.clone(), *position_m),
-        (_, spot) => spot.clone(),
-    };
-    let normal = normal(run, &j.ranking.data, &spot, times)?;
-    let Some(found) = normal.best(place.found.belief.memory) else { return Ok(None) };
-    let Some(solution) = normal.solved(&found) else { return Ok(None) };
-    // At the valve, the modes of a wall's strain add up with alternating signs.
+    let Some(solution) = normal(run, &contender.data, spot, times)?.solved(found) else { return Ok(None) };
+    // A sum of splines at a knot. At the valve, the modes of a wall's strain add up with alternating signs.
+    let at_knot = |c: &[f64], k: usize| (c[k - 1] + 4.0 * c[k] + c[(k + 1).min(c.len() - 1)]) / 6.0;
     let sum = |of: &[Vec<f64>], k: usize| -> f64 {
-        of.iter().zip([1.0, -1.0].iter().cycle()).map(|(component, sign)| sign * component[k]).sum()
+        of.iter().zip([1.0, -1.0].iter().cycle()).map(|(component, sign)| sign * at_knot(component, k)).sum()
     };
     let after = times.before..times.knots;
     let waveform = Waveform {
@@ -214,14 +143,14 @@ fn described(
     };
     let data = run.data();
     let pulsation = waveform.pulsation(data, run.start_s());
-    let mut at = met(run, &spot, times)?;
-    let answers = response(run, &spot, times)?;
+    let mut at = met(run, spot, times)?;
+    let answers = response(run, spot, times)?;
     let sensors = data.sensors.len();
     for (component, forcing) in answers.iter().zip(&solution.forcing) {
         for (series, answer) in [(&mut at.head_m, &component[sensors]), (&mut at.flow_m3_s, &component[sensors + 1])] {
             for (cell, value) in series.iter_mut().enumerate() {
                 for (k, f) in forcing.iter().enumerate() {
-                    let since = cell as i64 + CELLS as i64 * (times.before as i64 - k as i64 + 1);
+                    let since = cell as i64 + CELLS as i64 * (times.before as i64 - k as i64 + REACH as i64);
                     *value += usize::try_from(since).ok().and_then(|i| answer.get(i)).map_or(0.0, |a| a * f);
                 }
             }
@@ -232,7 +161,7 @@ fn described(
         (0..waveform.value.len()).map(near).collect()
     };
     let rig = run.problem.model.rig;
-    let elevation_m = rig.elevation_m(crate::diagnose::rest::response::place(run, &spot));
+    let elevation_m = rig.elevation_m(crate::diagnose::rest::response::place(run, spot));
     let followed = Followed {
         step_s: times.knot_s,
         head_m: &at_knots(&at.head_m),
@@ -246,7 +175,7 @@ fn described(
     Ok(Some(Explanation {
         site,
         probability,
-        evidence,
+        evidence: kind.evidence(),
         says,
         run: data.file.clone(),
         onset_s,

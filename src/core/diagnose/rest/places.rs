@@ -40,9 +40,47 @@ pub(crate) fn places(rig: &Rig, run: &Run) -> Vec<Spot> {
     all
 }
 
-/// Distance between the places that are tried on a line, m.
-pub(crate) fn spacing_m(rig: &Rig, pipe: Option<&str>) -> f64 {
-    let own = pipe.and_then(|name| rig.pipes.iter().position(|p| p.name == name));
-    let line = own.and_then(|i| rig.graph.lines.iter().position(|line| line.pipes.contains(&i)));
-    rig.line_length_m(line.unwrap_or_else(|| rig.graph.line_to_valve())) / PLACES as f64
+impl Spot {
+    /// Whether two places are of one kind: the same, or on one pipe.
+    pub(crate) fn is_alike(&self, other: &Spot) -> bool {
+        match (self, other) {
+            (Spot::Pipe(a, _), Spot::Pipe(b, _)) => a == b,
+            (a, b) => a == b,
+        }
+    }
+
+    /// Its kind in words that are the same in all runs.
+    pub(crate) fn name(&self, run: &Run) -> String {
+        match self {
+            Spot::Sensor(s) => format!("sensor@{}", run.data().sensors[*s].sensor.name),
+            Spot::Pipe(pipe, _) => format!("pipe@{}", pipe.as_deref().unwrap_or_default()),
+            Spot::Supply | Spot::Valve | Spot::Wall => format!("{self:?}"),
+        }
+    }
+
+    /// Position along a pipe, m.
+    pub(crate) fn position_m(&self) -> Option<f64> {
+        if let Spot::Pipe(_, position_m) = self { Some(*position_m) } else { None }
+    }
+
+    /// Distance between the places that are tried on its line, m.
+    pub(crate) fn spacing_m(&self, rig: &Rig) -> f64 {
+        rig.line_length_m(self.line(rig)) / PLACES as f64
+    }
+
+    /// The line that it is on.
+    pub(crate) fn line(&self, rig: &Rig) -> usize {
+        let Spot::Pipe(Some(pipe), _) = self else { return rig.graph.line_to_valve() };
+        let own = rig.pipes.iter().position(|p| p.name == *pipe);
+        let line = own.and_then(|i| rig.graph.lines.iter().position(|line| line.pipes.contains(&i)));
+        line.unwrap_or_else(|| rig.graph.line_to_valve())
+    }
+
+    /// Places along its pipe at some distances, m, as far as they are on it; itself where it is not on a pipe.
+    pub(crate) fn moved(&self, rig: &Rig, by_m: &[f64]) -> Vec<Spot> {
+        let Spot::Pipe(pipe, position_m) = self else { return vec![self.clone()] };
+        let length_m = rig.line_length_m(self.line(rig));
+        let inside = by_m.iter().map(|by| position_m + by).filter(|at| (0.01..0.99).contains(&(at / length_m)));
+        inside.map(|at| Spot::Pipe(pipe.clone(), at)).collect()
+    }
 }

@@ -1,6 +1,6 @@
 //! A short pulse of forcing at one place: what a Green's function is simulated with.
 //!
-//! It is an effect as those of the catalogue are, but never a candidate: it adds a hat of a given size, time and width to the supply's head, takes it as
+//! It is an effect as those of the catalogue are, but never a candidate: it adds a cubic B-spline of a given size, time and width between knots to the supply's head, takes it as
 //! a flow out of the pipe, or spreads it as a strain along the wall.
 
 use crate::model::boundary::Supply;
@@ -28,50 +28,63 @@ static AT_VALVE: Pulse = Pulse(At::Valve);
 static ON_PIPE: Pulse = Pulse(At::Pipe);
 static IN_WALL: Pulse = Pulse(At::Wall);
 
-/// A hat in time.
+/// A cubic B-spline in time (de Boor 1978, A Practical Guide to Splines): sums of them at even knots are smooth curves.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Hat {
-    /// Its greatest value: m at the supply, m³/s out of the pipe, 1 as a strain.
+pub(crate) struct Spline {
+    /// Its coefficient: m at the supply, m³/s out of the pipe, 1 as a strain.
     pub(crate) size: f64,
-    /// When it has it, s after the start of the closure.
+    /// Its middle, s after the start of the closure.
     pub(crate) at_s: f64,
-    /// How long it rises, and falls, s.
+    /// Distance of knots, s; it spans four.
     pub(crate) width_s: f64,
 }
 
-impl Hat {
+/// Knots from its middle to its ends.
+pub(crate) const REACH: usize = 2;
+
+/// The spline of size 1 at a distance of `u` knots from its middle.
+pub(crate) fn spline(u: f64) -> f64 {
+    let u = u.abs();
+    if u < 1.0 {
+        (4.0 - 6.0 * u * u + 3.0 * u.powi(3)) / 6.0
+    } else {
+        (2.0 - u).max(0.0).powi(3) / 6.0
+    }
+}
+
+impl Spline {
     fn value(&self, time_s: f64) -> f64 {
-        self.size * (1.0 - (time_s - self.at_s).abs() / self.width_s).max(0.0)
+        self.size * spline((time_s - self.at_s) / self.width_s)
     }
 }
 
 /// Head of the supply.
-pub(crate) fn at_supply(hat: Hat) -> (Chosen, Vec<f64>) {
-    chosen(&AT_SUPPLY, None, hat, 0.0)
+pub(crate) fn at_supply(pulse: Spline) -> (Chosen, Vec<f64>) {
+    chosen(&AT_SUPPLY, None, pulse, 0.0)
 }
 
 /// Flow out before the valve.
-pub(crate) fn at_valve(hat: Hat) -> (Chosen, Vec<f64>) {
-    chosen(&AT_VALVE, None, hat, 0.0)
+pub(crate) fn at_valve(pulse: Spline) -> (Chosen, Vec<f64>) {
+    chosen(&AT_VALVE, None, pulse, 0.0)
 }
 
 /// Flow out at a position along the line that `pipe` belongs to; that of the valve where none is named.
-pub(crate) fn on_pipe(hat: Hat, pipe: Option<String>, position_m: f64) -> (Chosen, Vec<f64>) {
-    chosen(&ON_PIPE, pipe, hat, position_m)
+pub(crate) fn on_pipe(pulse: Spline, pipe: Option<String>, position_m: f64) -> (Chosen, Vec<f64>) {
+    chosen(&ON_PIPE, pipe, pulse, position_m)
 }
 
 /// Strain of the wall of the line that ends at the valve, in the shape of the line's own mode `mode` of oscillation.
-pub(crate) fn in_wall(hat: Hat, mode: usize) -> (Chosen, Vec<f64>) {
-    chosen(&IN_WALL, None, hat, mode as f64)
+pub(crate) fn in_wall(pulse: Spline, mode: usize) -> (Chosen, Vec<f64>) {
+    chosen(&IN_WALL, None, pulse, mode as f64)
 }
 
-fn chosen(effect: &'static Pulse, pipe: Option<String>, hat: Hat, place: f64) -> (Chosen, Vec<f64>) {
+fn chosen(effect: &'static Pulse, pipe: Option<String>, pulse: Spline, place: f64) -> (Chosen, Vec<f64>) {
     let chosen = Chosen { effect, elements: None, sensor: None, pipe };
-    (chosen, vec![hat.size, hat.at_s, hat.width_s, place])
+    (chosen, vec![pulse.size, pulse.at_s, pulse.width_s, place])
 }
 
-fn hat_of(values: &[f64]) -> Hat {
-    Hat { size: values[0], at_s: values[1], width_s: values[2] }
+fn pulse_of(values: &[f64]) -> Spline {
+    Spline { size: values[0], at_s: values[1], width_s: values[2] }
 }
 
 impl Effect for Pulse {
@@ -82,10 +95,10 @@ impl Effect for Pulse {
         "a pulse of forcing"
     }
     fn equation(&self) -> &'static str {
-        "f(t) = size (1 - |t - at|/width)"
+        "f(t) = size B3((t - at)/width)"
     }
     fn source(&self) -> &'static str {
-        "the hat function of linear finite elements"
+        "de Boor (1978), A Practical Guide to Splines"
     }
     fn trace(&self) -> &'static str {
         "the Green's function of its place"
@@ -102,7 +115,7 @@ impl Effect for Pulse {
     }
     fn supply(&self, values: &[f64], supply: Box<dyn Supply>) -> Result<Box<dyn Supply>, ModelError> {
         Ok(match self.0 {
-            At::Supply => Box::new(Raised { supply, hat: hat_of(values) }),
+            At::Supply => Box::new(Raised { supply, pulse: pulse_of(values) }),
             _ => supply,
         })
     }
@@ -112,10 +125,10 @@ impl Effect for Pulse {
             At::Pipe => Place::At(values[3]),
             At::Supply | At::Wall => return Ok(Vec::new()),
         };
-        let (hat, dt_s) = (hat_of(values), scene.dt_s);
+        let (pulse, dt_s) = (pulse_of(values), scene.dt_s);
         Ok(vec![Attachment {
             place,
-            make: Box::new(move |_| Element::Shunt(Box::new(Drawn { hat, dt_s, step: 0.0 }))),
+            make: Box::new(move |_| Element::Shunt(Box::new(Drawn { pulse, dt_s, step: 0.0 }))),
         }])
     }
     fn line_terms(&self, values: &[f64], steady: &Steady) -> Result<Vec<Box<dyn LineTerm>>, ModelError> {
@@ -135,25 +148,25 @@ impl Effect for Pulse {
                 weight_m[node] = segment.impedance * segment.reach_m * segment.mean(|s| s.area_m2()) * shape;
             }
         }
-        Ok(vec![Box::new(Strained { hat: hat_of(values), dt_s: grid.dt_s, step: 0.0, weight_m })])
+        Ok(vec![Box::new(Strained { pulse: pulse_of(values), dt_s: grid.dt_s, step: 0.0, weight_m })])
     }
 }
 
-/// Adds the hat to another supply.
+/// Adds the pulse to another supply.
 struct Raised {
     supply: Box<dyn Supply>,
-    hat: Hat,
+    pulse: Spline,
 }
 
 impl Supply for Raised {
     fn head_m(&mut self, time_s: f64) -> f64 {
-        self.supply.head_m(time_s) + self.hat.value(time_s)
+        self.supply.head_m(time_s) + self.pulse.value(time_s)
     }
 }
 
-/// Takes the hat out as a flow, whatever the head.
+/// Takes the pulse out as a flow, whatever the head.
 struct Drawn {
-    hat: Hat,
+    pulse: Spline,
     dt_s: f64,
     step: f64,
 }
@@ -163,16 +176,16 @@ impl Shunt for Drawn {
         0.0
     }
     fn outflow(&self, _head_m: f64) -> (f64, f64) {
-        (self.hat.value((self.step + 1.0) * self.dt_s), 0.0)
+        (self.pulse.value((self.step + 1.0) * self.dt_s), 0.0)
     }
     fn advance(&mut self, _head_m: f64) {
         self.step += 1.0;
     }
 }
 
-/// The hat as a strain, spread over nodes by their weights.
+/// The pulse as a strain, spread over nodes by their weights.
 struct Strained {
-    hat: Hat,
+    pulse: Spline,
     dt_s: f64,
     step: f64,
     weight_m: Vec<f64>,
@@ -186,7 +199,7 @@ impl LineTerm for Strained {
         // What is added here belongs to the step after this one.
         self.step += 1.0;
         let time_s = (self.step + 1.0) * self.dt_s;
-        let rate_per_s = (self.hat.value(time_s) - self.hat.value(time_s - self.dt_s)) / self.dt_s;
+        let rate_per_s = (self.pulse.value(time_s) - self.pulse.value(time_s - self.dt_s)) / self.dt_s;
         storage.iter_mut().zip(&self.weight_m).for_each(|(b, w)| *b -= w * rate_per_s);
     }
 }

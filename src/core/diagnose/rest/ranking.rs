@@ -1,36 +1,57 @@
 //! The places of one run, ranked by evidence.
 //!
-//! A fit that lacks a forcing has moved its variables to make up for it. So they move again, together with the forcing at the best place, and all places
-//! are ranked anew from there, until the same place is best twice.
+//! A fit that lacks a forcing has moved its variables to make up for it. So they first go back to what the instruments say; all places are screened
+//! there. The best place of each kind then contends: variables and forcing move together, and a place along a pipe with them (Gauss-Newton).
 
 use rayon::prelude::*;
 
+use crate::diagnose::evidence::tempered;
 use crate::diagnose::rest::cells::{Run, Times};
-use crate::diagnose::rest::inverse::{Belief, Data, Found, MEMORIES, Normal, columns};
+use crate::diagnose::rest::inverse::{Data, Found, PROCESSES, Normal, columns};
 use crate::diagnose::rest::places::Spot;
 use crate::diagnose::rest::response::response;
+use crate::fit::numeric::uncertainty::correlation_inflation;
 use crate::model::ModelError;
 use crate::product::dot;
 
-/// Most times that the variables move.
-const ROUNDS: usize = 4;
+/// Times that the variables move with a forcing.
+const ROUNDS: usize = 3;
+/// Steps of the search for a forcing's power: while it is looked for, and of what is shown.
+const QUICK: usize = 4;
+const THOROUGH: usize = 8;
+/// Times that the variables move alone, before any forcing is looked for.
+const DOUBTS: usize = 3;
 /// What is not known of a variable before the fit is as wide as this many errors of the record.
 const WIDE: f64 = 1e4;
-/// Evidence that a place may lack to the best one for other memories to be tried there.
-const NEAR: f64 = 60.0;
-
-/// A place and its evidence.
-pub(crate) struct Ranked {
+/// The best place of a kind, with the run's model as it is with a forcing there.
+pub(crate) struct Contender<'a> {
+    pub(crate) run: Run<'a>,
     pub(crate) spot: Spot,
     pub(crate) found: Found,
-}
-
-/// All places of a run, best first.
-pub(crate) struct Ranking {
-    pub(crate) places: Vec<Ranked>,
-    /// The evidence for no forcing at all.
+    /// The evidence for no forcing, at the same values of the variables.
     pub(crate) nothing: Found,
     pub(crate) data: Data,
+    /// Along a pipe, the places about it that were tried, m, with their evidence.
+    pub(crate) tried: Vec<(f64, f64)>,
+}
+
+impl Contender<'_> {
+    /// Position along a pipe and its standard error, m: the mean over those that were tried, each for the stretch to its neighbours.
+    pub(crate) fn position_m(&self) -> (f64, f64) {
+        let mut tried = self.tried.clone();
+        tried.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let top = tried.iter().map(|t| t.1).fold(f64::NEG_INFINITY, f64::max);
+        let last = tried.len().saturating_sub(1);
+        let weight = |i: usize| {
+            (tried[(i + 1).min(last)].0 - tried[i.saturating_sub(1)].0) * tempered(tried[i].1 - top).exp()
+        };
+        let total: f64 = (0..tried.len()).map(weight).sum();
+        let mean = (0..tried.len()).map(|i| weight(i) * tried[i].0).sum::<f64>() / total;
+        let square = (0..tried.len()).map(|i| weight(i) * (tried[i].0 - mean).powi(2)).sum::<f64>() / total;
+        // No finer than they were tried.
+        let step_m = tried.windows(2).map(|w| w[1].0 - w[0].0).fold(f64::INFINITY, f64::min);
+        (mean, square.sqrt().hypot(step_m / 12f64.sqrt()))
+    }
 }
 
 /// What the run leaves at its variables' values, against which a forcing is judged; and how far each free variable may move.
@@ -55,6 +76,26 @@ fn data(run: &Run, times: &Times) -> Result<(Data, Vec<(f64, f64)>), ModelError>
     Ok((Data { rows, y, slopes }, reach))
 }
 
+/// Moves the variables to where they are when what the model leaves counts as an error: samples whose errors are alike count once. A fit that lacks
+/// something has gone wherever that makes up for it, far from what the instruments say; from there no place looks right.
+fn doubt(run: &mut Run, times: &Times) -> Result<(), ModelError> {
+    let (mut data, reach) = data(run, times)?;
+    let left = run.left_in(&run.x, &run.rows(times), true)?;
+    let left: Vec<f64> = left.iter().zip(&data.rows).map(|(l, row)| l / row.sd_m).collect();
+    let unit = (dot(&left, &left) / left.len() as f64).max(1.0) * correlation_inflation(&left);
+    data.y.iter_mut().for_each(|y| *y /= unit.sqrt());
+    data.slopes.iter_mut().flatten().for_each(|s| *s /= unit.sqrt());
+    let alone = Normal::of(&data, Vec::new(), 0);
+    let moves = alone.best(PROCESSES[0], QUICK).and_then(|found| alone.moves(&found));
+    run.step(&steps(&moves.unwrap_or_default(), &reach));
+    Ok(())
+}
+
+/// Steps of the variables from moves in units of what was known of them.
+fn steps(moves: &[f64], reach: &[(f64, f64)]) -> Vec<f64> {
+    moves.iter().zip(reach).map(|(m, (towards, sd))| towards + m * sd).collect()
+}
+
 /// The normal equations of a place.
 ///
 /// # Errors
@@ -64,48 +105,79 @@ pub(crate) fn normal(run: &Run, data: &Data, spot: &Spot, times: &Times) -> Resu
     Ok(Normal::of(data, columns(&data.rows, &response, times), response.len()))
 }
 
-/// Ranks `spots`, and moves the run's variables to where they are with a forcing at the best of them.
+/// The contenders of a run: of each kind of place the best one, with the model's variables where they are with it.
 ///
 /// # Errors
 /// As [`Run::left_in`].
-pub(crate) fn ranked(run: &mut Run, spots: &[Spot], times: &Times) -> Result<Ranking, ModelError> {
-    let mut memory = MEMORIES[1];
-    let mut best_before = None;
-    for round in 1.. {
-        let (data, reach) = data(run, times)?;
-        let judged = |spot: &Spot| {
-            let normal = normal(run, &data, spot, times).ok()?;
-            Some((Ranked { spot: spot.clone(), found: normal.best(memory)? }, normal))
-        };
-        let mut places: Vec<(Ranked, Normal)> = spots.par_iter().filter_map(judged).collect();
-        sort(&mut places);
-        let Some(top) = places.first().map(|(r, _)| r.found.evidence) else { break };
-        places.iter_mut().filter(|(r, _)| r.found.evidence > top - NEAR).for_each(|(ranked, normal)| {
-            for found in MEMORIES.iter().filter(|m| **m != memory).filter_map(|m| normal.best(*m)) {
-                if found.evidence > ranked.found.evidence {
-                    ranked.found = found;
-                }
-            }
-        });
-        sort(&mut places);
-        let (best, normal) = &places[0];
-        memory = best.found.belief.memory;
-        let settled = best_before.as_ref() == Some(&best.spot) || round == ROUNDS;
-        let nothing = Normal::of(&data, Vec::new(), 0).best(memory);
-        let moves = normal.solved(&best.found).map(|s| s.moves);
-        best_before = Some(best.spot.clone());
-        if let (true, Some(nothing)) = (settled, nothing) {
-            let places = places.into_iter().map(|(ranked, _)| ranked).collect();
-            return Ok(Ranking { places, nothing, data });
-        }
-        let Some(moves) = moves else { break };
-        run.step(&moves.iter().zip(&reach).map(|(m, (towards, sd))| towards + m * sd).collect::<Vec<_>>());
+pub(crate) fn contenders<'a>(
+    mut run: Run<'a>,
+    again: impl Fn() -> Result<Run<'a>, ModelError> + Sync,
+    spots: &[Spot],
+    times: &Times,
+) -> Result<Vec<Contender<'a>>, ModelError> {
+    for _ in 0..DOUBTS {
+        doubt(&mut run, times)?;
     }
-    let (data, _) = data(run, times)?;
-    let nothing = Found { belief: Belief { memory, log_power: 0.0 }, evidence: 0.0, excess: 1.0, left: 0.0 };
-    Ok(Ranking { places: Vec::new(), nothing, data })
+    let screened = data(&run, times)?.0;
+    let judged = |spot: &Spot| {
+        let found = normal(&run, &screened, spot, times).ok()?.best(PROCESSES[1], QUICK)?;
+        Some((spot.clone(), found.evidence))
+    };
+    let mut all: Vec<(Spot, f64)> = spots.par_iter().filter_map(judged).collect();
+    all.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let mut best: Vec<Spot> = Vec::new();
+    for (spot, _) in all {
+        if !best.iter().any(|other| other.is_alike(&spot)) {
+            best.push(spot);
+        }
+    }
+    let x = run.x.clone();
+    let settled = |spot: Spot| -> Result<Option<Contender<'a>>, ModelError> {
+        let mut own = again()?;
+        own.x.clone_from(&x);
+        settled(own, spot, times)
+    };
+    let settled: Vec<Option<Contender>> = best.into_par_iter().map(settled).collect::<Result<_, _>>()?;
+    Ok(settled.into_iter().flatten().collect())
 }
 
-fn sort(places: &mut [(Ranked, Normal)]) {
-    places.sort_by(|(a, _), (b, _)| b.found.evidence.total_cmp(&a.found.evidence));
+/// Moves the variables, and along a pipe the place, to where they are with a forcing there.
+fn settled<'a>(mut run: Run<'a>, mut spot: Spot, times: &Times) -> Result<Option<Contender<'a>>, ModelError> {
+    let mut process = PROCESSES[1];
+    let mut step_m = spot.spacing_m(run.problem.model.rig);
+    for _ in 0..ROUNDS {
+        let (data, reach) = data(&run, times)?;
+        step_m *= 0.5;
+        let mut best: Option<(Spot, Found, Normal)> = None;
+        for near in spot.moved(run.problem.model.rig, &[0.0, -step_m, step_m]) {
+            let normal = normal(&run, &data, &near, times)?;
+            let Some(found) = normal.best(process, QUICK) else { continue };
+            if best.as_ref().is_none_or(|(_, b, _)| found.evidence > b.evidence) {
+                best = Some((near, found, normal));
+            }
+        }
+        let Some((near, found, normal)) = best else { return Ok(None) };
+        let found = PROCESSES.iter().filter(|p| **p != process).filter_map(|p| normal.best(*p, QUICK)).fold(found, better);
+        let Some(solution) = normal.moves(&found) else { return Ok(None) };
+        (spot, process) = (near, found.belief.process);
+        run.step(&steps(&solution, &reach));
+    }
+    let (data, _) = data(&run, times)?;
+    let mut tried = Vec::new();
+    for near in spot.moved(run.problem.model.rig, &[0.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0].map(|by| by * step_m)) {
+        if let Some(found) = normal(&run, &data, &near, times)?.best(process, THOROUGH) {
+            tried.push((near, found));
+        }
+    }
+    let Some((spot, found)) = tried.iter().max_by(|a, b| a.1.evidence.total_cmp(&b.1.evidence)).cloned() else {
+        return Ok(None);
+    };
+    let Some(nothing) = Normal::of(&data, Vec::new(), 0).best(process, QUICK) else { return Ok(None) };
+    let tried = tried.into_iter().filter_map(|(spot, found)| Some((spot.position_m()?, found.evidence))).collect();
+    if std::env::var("DBG").is_ok() { eprintln!("{spot:?} {:.0} s2={:.2} {:?} p{:.1} | nothing {:.0} | knot {:.4} n {} {:?}", found.evidence, found.excess, found.belief.process, found.belief.log_power, nothing.evidence, times.knot_s, times.knots, run.problem.values(&run.x).iter().map(|v| format!("{v:.3}")).collect::<Vec<_>>()); }
+    Ok(Some(Contender { run, spot, found, nothing, data, tried }))
+}
+
+fn better(a: Found, b: Found) -> Found {
+    if b.evidence > a.evidence { b } else { a }
 }

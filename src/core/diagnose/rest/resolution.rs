@@ -6,9 +6,9 @@ use crate::model::ModelError;
 /// Knots a period, from the coarsest on.
 const PER_PERIOD: [f64; 3] = [16.0, 32.0, 64.0];
 /// Most knots: cost. A finer forcing is looked at for a shorter time.
-const MOST_KNOTS: usize = 420;
-/// Share of what is left that knots may be too coarse for.
-const LOST_SHARE: f64 = 0.05;
+const MOST_KNOTS: usize = 400;
+/// What knots may be too coarse for, over what noise does to the same samples, mean square.
+const LOST: f64 = 0.2;
 /// Periods before the closure in which a forcing makes up for what moves in the pipe then: a wave goes there and back in half a period.
 const BEFORE_PERIODS: f64 = 0.5;
 
@@ -27,30 +27,25 @@ pub(crate) fn times(run: &Run) -> Result<Times, ModelError> {
     let finest = with(PER_PERIOD[PER_PERIOD.len() - 1]);
     let cells = run.rows(&finest);
     let left_m = run.left_in(&run.x, &cells, true)?;
-    let (mut whole, mut noise) = (0.0, 0.0);
     let mut lost = [(0.0, 0.0); PER_PERIOD.len()];
     for s in 0..run.data().sensors.len() {
-        let own: Vec<(f64, f64)> = cells
+        let own: Vec<f64> = cells
             .0
             .iter()
             .zip(&left_m)
             .filter(|(row, _)| row.sensor == s && row.cell.is_some())
-            .map(|(row, left)| (*left / row.sd_m, 1.0))
+            .map(|(row, left)| *left / row.sd_m)
             .collect();
-        let mean = own.iter().map(|o| o.0).sum::<f64>() / own.len().max(1) as f64;
-        whole += own.iter().map(|o| (o.0 - mean).powi(2)).sum::<f64>();
-        noise += own.len() as f64;
         for ((lost, of_noise), per_period) in lost.iter_mut().zip(PER_PERIOD) {
             // What the mean over half a knot does not follow.
             let size = ((PER_PERIOD[PER_PERIOD.len() - 1] / per_period) * CELLS as f64 / 2.0).round() as usize;
             for block in own.chunks_exact(size.max(1)) {
-                let mean = block.iter().map(|b| b.0).sum::<f64>() / block.len() as f64;
-                *lost += block.iter().map(|b| (b.0 - mean).powi(2)).sum::<f64>();
+                let mean = block.iter().sum::<f64>() / block.len() as f64;
+                *lost += block.iter().map(|b| (b - mean).powi(2)).sum::<f64>();
                 *of_noise += (block.len() - 1) as f64;
             }
         }
     }
-    let clear = (whole - noise).max(f64::MIN_POSITIVE);
-    let suits = lost.iter().position(|(lost, of_noise)| lost - of_noise < LOST_SHARE * clear);
+    let suits = lost.iter().position(|(lost, of_noise)| lost - of_noise < LOST * of_noise);
     Ok(with(PER_PERIOD[suits.unwrap_or(PER_PERIOD.len() - 1)]))
 }

@@ -5,7 +5,7 @@
 
 use crate::diagnose::rest::cells::{CELLS, Run, Times};
 use crate::diagnose::rest::places::{MODES, Spot};
-use crate::diagnose::rest::pulse::{self, Hat};
+use crate::diagnose::rest::pulse::{self, REACH, Spline, spline};
 use crate::model::effects::Chosen;
 use crate::model::trace::{Probe, Trace};
 use crate::model::{Model, ModelError, Resolution};
@@ -16,7 +16,7 @@ const SMALL: f64 = 1e-4;
 /// Periods between the end of the closure and the pulse.
 const QUIET_PERIODS: f64 = 0.1;
 
-/// The answers to a unit hat that stands at one knot: of each component of the forcing, of each sensor of the run and then of head (m) and flow (m³/s)
+/// The answers to a unit pulse that stands at one knot: of each component of the forcing, of each sensor of the run and then of head (m) and flow (m³/s)
 /// at the place itself, by cells since one knot before it.
 pub(crate) type Response = Vec<Vec<Vec<f64>>>;
 
@@ -31,7 +31,7 @@ pub(crate) struct Met {
 /// # Errors
 /// As [`Model::simulate`].
 pub(crate) fn met(run: &Run, spot: &Spot, times: &Times) -> Result<Met, ModelError> {
-    let still = Hat { size: 0.0, at_s: 0.0, width_s: times.knot_s };
+    let still = Spline { size: 0.0, at_s: 0.0, width_s: times.knot_s };
     let traces = traces(run, spot, pulse::at_valve(still), times.end_s())?;
     let [head, flow] = [2, 1].map(|from_last| {
         let trace = &traces[traces.len() - from_last];
@@ -54,9 +54,8 @@ pub(crate) fn place(run: &Run, spot: &Spot) -> Place {
             let line = graph.line_to_valve();
             Place { line, position_m: rig.line_length_m(line) }
         }
-        Spot::Pipe(pipe, position_m) => {
-            let (chosen, _) = pulse::on_pipe(Hat { size: 0.0, at_s: 0.0, width_s: 1.0 }, pipe.clone(), *position_m);
-            Place { line: chosen.line(rig), position_m: *position_m }
+        Spot::Pipe(_, position_m) => {
+            Place { line: spot.line(rig), position_m: *position_m }
         }
         Spot::Sensor(s) => run.problem.place(&run.data().sensors[*s].sensor, &run.problem.values(&run.x)),
     }
@@ -69,8 +68,8 @@ pub(crate) fn place(run: &Run, spot: &Spot) -> Place {
 pub(crate) fn response(run: &Run, spot: &Spot, times: &Times) -> Result<Response, ModelError> {
     let sensors = run.data().sensors.len();
     if let Spot::Sensor(own) = spot {
-        let hat = |cell: usize| 1.0 - ((cell as f64 + 0.5) / CELLS as f64 - 1.0).abs();
-        let shown = |s: usize| if s == *own { (0..2 * CELLS).map(hat).collect() } else { Vec::new() };
+        let value = |cell: usize| spline((cell as f64 + 0.5) / CELLS as f64 - REACH as f64);
+        let shown = |s: usize| if s == *own { (0..2 * REACH * CELLS).map(value).collect() } else { Vec::new() };
         return Ok(vec![(0..sensors + 2).map(shown).collect()]);
     }
     let surge_m =
@@ -78,7 +77,7 @@ pub(crate) fn response(run: &Run, spot: &Spot, times: &Times) -> Result<Response
     let model = run.problem.model;
     let values = run.problem.values(&run.x);
     let own = run.problem.run_values(0, &values);
-    let at_s = own.closing_time_s + QUIET_PERIODS * run.period_s() + times.knot_s;
+    let at_s = own.closing_time_s + QUIET_PERIODS * run.period_s() + REACH as f64 * times.knot_s;
     let area_m2 = model.rig.pipe_at_valve().area_m2();
     let speed_m_s = values[0];
     // Joukowsky's head and the strain that holds as much water.
@@ -88,12 +87,12 @@ pub(crate) fn response(run: &Run, spot: &Spot, times: &Times) -> Result<Response
         Spot::Wall => SMALL * surge_m * crate::units::GRAVITY_M_S2 / (2.0 * speed_m_s.powi(2)),
     };
     let forced = |size: f64, mode: usize| {
-        let hat = Hat { size, at_s, width_s: times.knot_s };
+        let pulse = Spline { size, at_s, width_s: times.knot_s };
         match spot {
-            Spot::Supply => pulse::at_supply(hat),
-            Spot::Valve => pulse::at_valve(hat),
-            Spot::Pipe(pipe, position_m) => pulse::on_pipe(hat, pipe.clone(), *position_m),
-            Spot::Wall | Spot::Sensor(_) => pulse::in_wall(hat, mode),
+            Spot::Supply => pulse::at_supply(pulse),
+            Spot::Valve => pulse::at_valve(pulse),
+            Spot::Pipe(pipe, position_m) => pulse::on_pipe(pulse, pipe.clone(), *position_m),
+            Spot::Wall | Spot::Sensor(_) => pulse::in_wall(pulse, mode),
         }
     };
     let modes = if *spot == Spot::Wall { MODES } else { 1 };
@@ -103,11 +102,11 @@ pub(crate) fn response(run: &Run, spot: &Spot, times: &Times) -> Result<Response
             let moved = traces(run, spot, forced(size, mode), times.end_s() + at_s)?;
             let of = |(with, without): (&Trace, &Trace)| {
                 let answer = |cell: usize| {
-                    let at = |part: f64| at_s - times.knot_s + (cell as f64 + part) * times.cell_s();
+                    let at = |part: f64| at_s - REACH as f64 * times.knot_s + (cell as f64 + part) * times.cell_s();
                     let parts = [1.0 / 6.0, 0.5, 5.0 / 6.0];
                     parts.iter().map(|&p| (with.at(at(p)) - without.at(at(p))) / size).sum::<f64>() / 3.0
                 };
-                (0..times.cells() + (times.before + 1) * CELLS).map(answer).collect()
+                (0..times.cells() + (times.before + REACH) * CELLS).map(answer).collect()
             };
             Ok(moved.iter().zip(&still).map(of).collect())
         })
