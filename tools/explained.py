@@ -68,15 +68,15 @@ for folder in folders:
                 continue
             best = found[0] if found else None
             right = best is not None and is_there(best, truth, length_of(folder, case))
-            among = right or any(is_there(f, truth, length_of(folder, case)) for f in found)
-            like = 0.0
-            if right:
-                like = correlation(best, truth["runs"][best["run"].rsplit(".", 1)[0].split("-")[-1]])
+            there = next((f for f in found if is_there(f, truth, length_of(folder, case))), None)
+            among, like = there is not None, 0.0
+            if there:
+                like = correlation(there, truth["runs"][there["run"].rsplit(".", 1)[0].split("-")[-1]])
             tone = (best or {}).get("pulsation")
             hz = tone["frequency_hz"] / truth["frequency_hz"] - 1 if right and tone and truth["frequency_hz"] else None
             rows.append((kind, strength, right, like, hz, among))
             place = f"{truth['where']} {truth['position_m'] or ''}"
-            print(f"{folder.name}/{case} {kind} at {place}, {strength:.0f} x noise: {'right' if right else 'WRONG'} {like:.3f} "
+            print(f"{folder.name}/{case} {kind} at {place}, {strength:.0f} x noise: {'right' if right else 'among' if among else 'WRONG'} {like:.3f} "
                   f"{'' if hz is None else f'{100 * hz:+.2f}%'} {seconds[-1]:.1f} s | "
                   + " / ".join(f"{f['says']} ({f['probability']:.2f})" for f in found), flush=True)
 

@@ -13,35 +13,38 @@ use crate::diagnose::rest::pulse::REACH;
 use crate::diagnose::rest::response::Response;
 use crate::product::{along, dot, gram};
 
-/// How a forcing may go on from knot to knot: those that are tried.
+/// How a forcing may go on from knot to knot: those that are tried, and tones beside them.
 pub(crate) const PROCESSES: [Process; 6] = [
-    Process { is_smooth: false, memory: 2.0 },
-    Process { is_smooth: false, memory: 12.0 },
-    Process { is_smooth: false, memory: 72.0 },
-    Process { is_smooth: true, memory: 1.0 },
-    Process { is_smooth: true, memory: 4.0 },
-    Process { is_smooth: true, memory: 16.0 },
+    Process { turn: None, memory: 2.0 },
+    Process { turn: None, memory: 12.0 },
+    Process { turn: None, memory: 72.0 },
+    Process { turn: Some(0.0), memory: 1.0 },
+    Process { turn: Some(0.0), memory: 4.0 },
+    Process { turn: Some(0.0), memory: 16.0 },
 ];
 
 /// A random process.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Process {
-    /// Its slope is continuous, too: a critically damped oscillator that noise drives. Otherwise it may jump.
-    pub(crate) is_smooth: bool,
+    /// Where its slope is continuous, too, the angle by which it turns from knot to knot: an oscillator that noise drives. Otherwise it may jump.
+    pub(crate) turn: Option<f64>,
     /// In how many knots it forgets.
     pub(crate) memory: f64,
 }
 
 impl Process {
-    /// Coefficients of the regression of a value on the two before it (those of one or two equal roots), and the variance of what is new in it, of a
-    /// process of variance 1.
+    /// A tone of so many knots a cycle, steady and less so.
+    pub(crate) fn tones(knots: f64) -> [Process; 2] {
+        [30.0, 300.0].map(|memory| Process { turn: Some(std::f64::consts::TAU / knots), memory })
+    }
+
+    /// Coefficients of the regression of a value on the two before it, and the variance of what is new in it, of a process of variance 1 (Box & Jenkins
+    /// 1970, Time Series Analysis, 3.2).
     fn regression(self) -> ([f64; 2], f64) {
         let kept = (-1.0 / self.memory).exp();
-        let square = kept * kept;
-        match self.is_smooth {
-            true => ([2.0 * kept, -square], (1.0 - square).powi(3) / (1.0 + square)),
-            false => ([kept, 0.0], 1.0 - square),
-        }
+        let Some(turn) = self.turn else { return ([kept, 0.0], 1.0 - kept * kept) };
+        let [one, two] = [2.0 * kept * turn.cos(), -kept * kept];
+        ([one, two], (1.0 + two) * ((1.0 - two).powi(2) - one * one) / (1.0 - two))
     }
 
     /// Adds its precision, times `by`, to a lower triangle from row `first` on; returns the logarithm of the precision's determinant.

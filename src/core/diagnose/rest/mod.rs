@@ -84,8 +84,18 @@ pub fn explain(
     }
     let top = best.log_odds(rig);
     let odds: f64 = all.iter().map(|kind| (kind.log_odds(rig) - top).exp()).sum::<f64>() + (-top).exp();
-    let shown = all.iter().filter(|kind| top - kind.log_odds(rig) < INDISTINGUISHABLE);
-    shown.filter_map(|kind| described(kind, (kind.log_odds(rig) - top).exp() / odds).transpose()).collect()
+    let probability = |kind: &Kind| (kind.log_odds(rig) - top).exp() / odds;
+    // Places whose waves are the same share their probability, the supply first: nothing but the waveform's shape speaks for one of them.
+    let alike = all.iter().position(|kind| is_same_wave(best, kind));
+    let shared = alike.map(|i| 0.5 * (probability(best) + probability(&all[i])));
+    let mut shown: Vec<(&Kind, f64)> = all
+        .iter()
+        .enumerate()
+        .filter(|(i, kind)| top - kind.log_odds(rig) < INDISTINGUISHABLE || alike == Some(*i))
+        .map(|(i, kind)| (kind, shared.filter(|_| i == 0 || alike == Some(i)).unwrap_or_else(|| probability(kind))))
+        .collect();
+    shown.sort_by(|a, b| b.1.total_cmp(&a.1).then(b.0.is_supply().cmp(&a.0.is_supply())));
+    shown.into_iter().filter_map(|(kind, probability)| described(kind, probability).transpose()).collect()
 }
 
 /// A kind of place in the runs that have it, each with its times and the evidence over no forcing.
@@ -95,6 +105,10 @@ struct Kind<'a> {
 }
 
 impl Kind<'_> {
+    fn is_supply(&self) -> bool {
+        self.runs.iter().all(|(contender, ..)| contender.spot == Spot::Supply)
+    }
+
     /// Evidence over all runs.
     fn evidence(&self) -> f64 {
         self.runs.iter().map(|(.., evidence)| evidence).sum()
@@ -115,6 +129,13 @@ impl Kind<'_> {
     }
 }
 
+/// Whether one of two places is the supply and the other lies between it and all sensors: waves that pass the first sensor are all that either sends,
+/// so there is a waveform of each that no sensor can tell from the other's.
+fn is_same_wave(one: &Kind, other: &Kind) -> bool {
+    let is_before = |kind: &Kind| kind.runs.iter().all(|(c, ..)| c.before_sensors_m().is_some());
+    (one.is_supply() && is_before(other)) || (is_before(one) && other.is_supply())
+}
+
 /// The forcing at a place in the run that shows it most.
 fn described(kind: &Kind, probability: f64) -> Result<Option<Explanation>, ModelError> {
     let Some((contender, times, _)) = kind.shown() else { return Ok(None) };
@@ -130,10 +151,10 @@ fn described(kind: &Kind, probability: f64) -> Result<Option<Explanation>, Model
         }
     };
     let Some(solution) = normal(run, &contender.data, spot, times)?.solved(found) else { return Ok(None) };
-    // A sum of splines at a knot. At the valve, the modes of a wall's strain add up with alternating signs.
+    // A sum of splines at a knot. At the valve, the modes of a wall's strain add up with alternating signs, each in its own measure.
     let at_knot = |c: &[f64], k: usize| (c[k - 1] + 4.0 * c[k] + c[(k + 1).min(c.len() - 1)]) / 6.0;
     let sum = |of: &[Vec<f64>], k: usize| -> f64 {
-        of.iter().zip([1.0, -1.0].iter().cycle()).map(|(component, sign)| sign * at_knot(component, k)).sum()
+        of.iter().zip([1.0, -1.0 / 3.0]).map(|(component, sign)| sign * at_knot(component, k)).sum()
     };
     let after = times.before..times.knots;
     let waveform = Waveform {

@@ -45,11 +45,7 @@ pub(crate) const REACH: usize = 2;
 /// The spline of size 1 at a distance of `u` knots from its middle.
 pub(crate) fn spline(u: f64) -> f64 {
     let u = u.abs();
-    if u < 1.0 {
-        (4.0 - 6.0 * u * u + 3.0 * u.powi(3)) / 6.0
-    } else {
-        (2.0 - u).max(0.0).powi(3) / 6.0
-    }
+    if u < 1.0 { (4.0 - 6.0 * u * u + 3.0 * u.powi(3)) / 6.0 } else { (2.0 - u).max(0.0).powi(3) / 6.0 }
 }
 
 impl Spline {

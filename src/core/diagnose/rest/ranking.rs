@@ -7,9 +7,10 @@ use rayon::prelude::*;
 
 use crate::diagnose::evidence::tempered;
 use crate::diagnose::rest::cells::{Run, Times};
-use crate::diagnose::rest::inverse::{Data, Found, PROCESSES, Normal, columns};
+use crate::diagnose::rest::inverse::{Data, Found, Normal, PROCESSES, Process, columns};
 use crate::diagnose::rest::places::Spot;
 use crate::diagnose::rest::response::response;
+use crate::fit::numeric::least_squares::Problem;
 use crate::fit::numeric::uncertainty::correlation_inflation;
 use crate::model::ModelError;
 use crate::product::dot;
@@ -21,6 +22,8 @@ const QUICK: usize = 4;
 const THOROUGH: usize = 8;
 /// Times that the variables move alone, before any forcing is looked for.
 const DOUBTS: usize = 3;
+/// Share of a variable's reach within which its slopes are trusted, as a standard deviation.
+const TRUSTED: f64 = 0.3;
 /// What is not known of a variable before the fit is as wide as this many errors of the record.
 const WIDE: f64 = 1e4;
 /// The best place of a kind, with the run's model as it is with a forcing there.
@@ -36,15 +39,28 @@ pub(crate) struct Contender<'a> {
 }
 
 impl Contender<'_> {
-    /// Position along a pipe and its standard error, m: the mean over those that were tried, each for the stretch to its neighbours.
+    /// Position of the first sensor, m, where the place lies on the pipe between the supply and it.
+    pub(crate) fn before_sensors_m(&self) -> Option<f64> {
+        let rig = self.run.problem.model.rig;
+        let graph = &rig.graph;
+        let alone = graph.lines.len() == 1 && graph.nodes[graph.supply()].kind.holds_given_head();
+        let first_m = self.run.data().sensors.iter().map(|s| s.sensor.position_m).fold(f64::INFINITY, f64::min);
+        // A place next to the sensor may be on either side of it.
+        let is_before = self.spot.position_m().is_some_and(|at| at < first_m + self.spot.spacing_m(rig));
+        (alone && is_before).then_some(first_m)
+    }
+
+    /// Position along a pipe and its standard error, m: before all sensors anywhere as probable, else the mean over those that were tried, each for the stretch to its neighbours.
     pub(crate) fn position_m(&self) -> (f64, f64) {
+        if let Some(first_m) = self.before_sensors_m() {
+            return (0.5 * first_m, first_m / 12f64.sqrt());
+        }
         let mut tried = self.tried.clone();
         tried.sort_by(|a, b| a.0.total_cmp(&b.0));
         let top = tried.iter().map(|t| t.1).fold(f64::NEG_INFINITY, f64::max);
         let last = tried.len().saturating_sub(1);
-        let weight = |i: usize| {
-            (tried[(i + 1).min(last)].0 - tried[i.saturating_sub(1)].0) * tempered(tried[i].1 - top).exp()
-        };
+        let weight =
+            |i: usize| (tried[(i + 1).min(last)].0 - tried[i.saturating_sub(1)].0) * tempered(tried[i].1 - top).exp();
         let total: f64 = (0..tried.len()).map(weight).sum();
         let mean = (0..tried.len()).map(|i| weight(i) * tried[i].0).sum::<f64>() / total;
         let square = (0..tried.len()).map(|i| weight(i) * (tried[i].0 - mean).powi(2)).sum::<f64>() / total;
@@ -67,7 +83,8 @@ fn data(run: &Run, times: &Times) -> Result<(Data, Vec<(f64, f64)>), ModelError>
         let wide = WIDE / dot(slope, slope).sqrt().max(f64::MIN_POSITIVE);
         let (towards, sd) = match run.beliefs[j] {
             Some((mean, sd)) if sd < wide => (mean - run.x[j], sd),
-            _ => (0.0, wide),
+            // Not farther than the slopes mean anything.
+            _ => (0.0, wide.min(TRUSTED * run.problem.reach(j))),
         };
         y.iter_mut().zip(&*slope).for_each(|(y, s)| *y -= s * towards);
         slope.iter_mut().for_each(|s| *s *= sd);
@@ -131,21 +148,28 @@ pub(crate) fn contenders<'a>(
             best.push(spot);
         }
     }
+    let tones = strongest(&screened, times).map(Process::tones);
+    let tones = tones.as_slice().as_flattened().to_vec();
     let x = run.x.clone();
     let settled = |spot: Spot| -> Result<Option<Contender<'a>>, ModelError> {
         let mut own = again()?;
         own.x.clone_from(&x);
-        settled(own, spot, times)
+        settled(own, spot, times, &tones)
     };
     let settled: Vec<Option<Contender>> = best.into_par_iter().map(settled).collect::<Result<_, _>>()?;
     Ok(settled.into_iter().flatten().collect())
 }
 
 /// Moves the variables, and along a pipe the place, to where they are with a forcing there.
-fn settled<'a>(mut run: Run<'a>, mut spot: Spot, times: &Times) -> Result<Option<Contender<'a>>, ModelError> {
+fn settled<'a>(
+    mut run: Run<'a>,
+    mut spot: Spot,
+    times: &Times,
+    tones: &[Process],
+) -> Result<Option<Contender<'a>>, ModelError> {
     let mut process = PROCESSES[1];
     let mut step_m = spot.spacing_m(run.problem.model.rig);
-    for _ in 0..ROUNDS {
+    for round in 1..=ROUNDS {
         let (data, reach) = data(&run, times)?;
         step_m *= 0.5;
         let mut best: Option<(Spot, Found, Normal)> = None;
@@ -157,7 +181,8 @@ fn settled<'a>(mut run: Run<'a>, mut spot: Spot, times: &Times) -> Result<Option
             }
         }
         let Some((near, found, normal)) = best else { return Ok(None) };
-        let found = PROCESSES.iter().filter(|p| **p != process).filter_map(|p| normal.best(*p, QUICK)).fold(found, better);
+        let others = PROCESSES.iter().chain(tones).filter(|p| **p != process && round > 1);
+        let found = others.filter_map(|p| normal.best(*p, QUICK)).fold(found, better);
         let Some(solution) = normal.moves(&found) else { return Ok(None) };
         (spot, process) = (near, found.belief.process);
         run.step(&steps(&solution, &reach));
@@ -174,8 +199,28 @@ fn settled<'a>(mut run: Run<'a>, mut spot: Spot, times: &Times) -> Result<Option
     };
     let Some(nothing) = Normal::of(&data, Vec::new(), 0).best(process, QUICK) else { return Ok(None) };
     let tried = tried.into_iter().filter_map(|(spot, found)| Some((spot.position_m()?, found.evidence))).collect();
-    if std::env::var("DBG").is_ok() { eprintln!("{spot:?} {:.0} s2={:.2} {:?} p{:.1} | nothing {:.0} | knot {:.4} n {} {:?}", found.evidence, found.excess, found.belief.process, found.belief.log_power, nothing.evidence, times.knot_s, times.knots, run.problem.values(&run.x).iter().map(|v| format!("{v:.3}")).collect::<Vec<_>>()); }
     Ok(Some(Contender { run, spot, found, nothing, data, tried }))
+}
+
+/// Knots a cycle of the strongest tone in what is left, over all sensors.
+fn strongest(data: &Data, times: &Times) -> Option<f64> {
+    let sensors = data.rows.iter().map(|row| row.sensor).max()? + 1;
+    let cells = times.cells();
+    let power = |cycles: f64| -> f64 {
+        let mut sums = vec![[0.0; 2]; sensors];
+        for (row, y) in data.rows.iter().zip(&data.y) {
+            let Some(cell) = row.cell else { continue };
+            let (sin, cos) = (std::f64::consts::TAU * cycles * cell as f64 / cells as f64).sin_cos();
+            sums[row.sensor][0] += y * cos;
+            sums[row.sensor][1] += y * sin;
+        }
+        sums.iter().map(|[a, b]| a * a + b * b).sum()
+    };
+    // From three cycles on, to three knots a cycle; a third of a cycle apart.
+    let most = times.end_s() / (3.0 * times.knot_s);
+    let scan = (9..).map(|i| f64::from(i) / 3.0).take_while(|cycles| *cycles < most).collect::<Vec<_>>();
+    let cycles = scan.into_par_iter().map(|c| (power(c), c)).max_by(|a, b| a.0.total_cmp(&b.0))?.1;
+    Some(times.end_s() / cycles / times.knot_s)
 }
 
 fn better(a: Found, b: Found) -> Found {

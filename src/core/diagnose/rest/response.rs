@@ -54,9 +54,7 @@ pub(crate) fn place(run: &Run, spot: &Spot) -> Place {
             let line = graph.line_to_valve();
             Place { line, position_m: rig.line_length_m(line) }
         }
-        Spot::Pipe(_, position_m) => {
-            Place { line: spot.line(rig), position_m: *position_m }
-        }
+        Spot::Pipe(_, position_m) => Place { line: spot.line(rig), position_m: *position_m },
         Spot::Sensor(s) => run.problem.place(&run.data().sensors[*s].sensor, &run.problem.values(&run.x)),
     }
 }
@@ -95,16 +93,19 @@ pub(crate) fn response(run: &Run, spot: &Spot, times: &Times) -> Result<Response
             Spot::Wall | Spot::Sensor(_) => pulse::in_wall(pulse, mode),
         }
     };
+    let full = size;
     let modes = if *spot == Spot::Wall { MODES } else { 1 };
     let still = traces(run, spot, forced(0.0, 0), times.end_s() + at_s)?;
     (0..modes)
         .map(|mode| {
+            // A wave has less of the higher modes.
+            let size = size / (2 * mode + 1) as f64;
             let moved = traces(run, spot, forced(size, mode), times.end_s() + at_s)?;
             let of = |(with, without): (&Trace, &Trace)| {
                 let answer = |cell: usize| {
                     let at = |part: f64| at_s - REACH as f64 * times.knot_s + (cell as f64 + part) * times.cell_s();
                     let parts = [1.0 / 6.0, 0.5, 5.0 / 6.0];
-                    parts.iter().map(|&p| (with.at(at(p)) - without.at(at(p))) / size).sum::<f64>() / 3.0
+                    parts.iter().map(|&p| (with.at(at(p)) - without.at(at(p))) / full).sum::<f64>() / 3.0
                 };
                 (0..times.cells() + (times.before + REACH) * CELLS).map(answer).collect()
             };
