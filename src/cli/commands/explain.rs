@@ -3,12 +3,15 @@
 use std::path::{Path, PathBuf};
 
 use crate::cli::args::recordings;
+use crate::cli::commands::effects::new::{usual, write};
 use crate::cli::console::document::say_document;
 use crate::cli::console::outcome::{CommandResult, Outcome};
-use crate::cli::console::print::{say, say_text};
+use crate::cli::console::print::{say, say_text, tell};
 use crate::cli::console::progress::{refit, shown};
+use crate::diagnose::rest::draft::{draft, draft_of_pulsation};
 use crate::model::effects::{Chosen, name_of, parse_list};
 use crate::report::diagnosis::rest;
+use crate::shown::Shown as _;
 use crate::study::models;
 
 /// Find what would explain the rest that a model leaves, where no effect of the catalogue does.
@@ -26,6 +29,12 @@ pub struct Args {
     /// Read the recordings with this rig instead of the stored one.
     #[arg(long, value_name = "RIG")]
     rig: Option<PathBuf>,
+    /// Draft an effect of your own of this name from the law that the best explanation follows; `diagnose` then weighs it.
+    #[arg(long, value_name = "NAME")]
+    as_effect: Option<String>,
+    /// File of that effect; the folder `effects` belongs beside the rig file [default: effects/NAME.toml].
+    #[arg(short, long, value_name = "FILE", requires = "as_effect")]
+    output: Option<PathBuf>,
 }
 
 /// Runs it.
@@ -62,6 +71,15 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         say!("Nothing is left to explain: what the {} leaves is noise.", name_of(&fit.effects));
     } else {
         say_text!(rest::text(&found));
+    }
+    if let Some(name) = &args.as_effect {
+        let path = args.output.unwrap_or_else(|| usual(name));
+        let drafted = found.iter().find_map(|one| draft_of_pulsation(name, one).or_else(|| draft(name, one)));
+        let Some(text) = drafted else {
+            return Err("nothing that was found follows a law from which an effect can be drafted".into());
+        };
+        write(&path, name, &text)?;
+        tell!("{} written. Next: surgescope effects check {}", path.shown(), path.shown());
     }
     Ok(Outcome::Done)
 }

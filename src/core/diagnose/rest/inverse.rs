@@ -292,3 +292,69 @@ impl Cholesky {
         sums
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The precision of a process of variance 1 is the inverse of its covariance, which is known in closed form: `ρ^|k|` with jumps, and of an
+    /// oscillator by the recursion of Yule and Walker.
+    #[test]
+    fn a_precision_is_the_inverse_of_its_covariance() {
+        for process in PROCESSES.into_iter().chain(Process::tones(7.3)) {
+            let n = 9;
+            let ([one, two], _) = process.regression();
+            let mut covariance = vec![1.0, one / (1.0 - two)];
+            (2..n).for_each(|k| covariance.push(one * covariance[k - 1] + two * covariance[k - 2]));
+            let c = DMatrix::from_fn(n, n, |i, j| covariance[i.abs_diff(j)]);
+            let mut m: Vec<Vec<f64>> = (0..n).map(|i| vec![0.0; i + 1]).collect();
+            let log_determinant = process.add(1.0, &mut m, 0, n);
+            let p = DMatrix::from_fn(n, n, |i, j| m[i.max(j)][i.min(j)]);
+            let off = (&p * &c - DMatrix::identity(n, n)).abs().max();
+            assert!(off < 1e-5, "{process:?}: {off}");
+            assert!(
+                (log_determinant + c.determinant().ln()).abs() < 1e-4 * (1.0 + log_determinant.abs()),
+                "{process:?}"
+            );
+        }
+    }
+
+    /// Against the matrix itself: the evidence is the logarithm of a normal density of the data.
+    #[test]
+    fn the_evidence_is_the_density_of_the_data() {
+        let (rows, knots) = (12, 5);
+        let mut random = fastrand::Rng::with_seed(3);
+        let mut column = || (0..rows).map(|_| 4.0 * (random.f64() - 0.5)).collect::<Vec<f64>>();
+        let columns: Vec<Vec<f64>> = (0..knots).map(|_| column()).collect();
+        let data = Data { rows: Vec::new(), y: column(), slopes: vec![column()] };
+        let normal = Normal::of(&data, columns.clone(), 1);
+        let belief = Belief { process: PROCESSES[1], log_power: 0.5 };
+        let found = normal.judged(belief).unwrap();
+        let kept = (-1.0f64 / 12.0).exp();
+        let variance = normal.variance(0.5);
+        let prior = DMatrix::from_fn(knots, knots, |i, j| variance * kept.powi(i.abs_diff(j) as i32));
+        let a = DMatrix::from_fn(rows, knots, |i, j| columns[j][i]);
+        let j = DMatrix::from_fn(rows, 1, |i, _| data.slopes[0][i]);
+        let c = DMatrix::identity(rows, rows) + &a * prior * a.transpose() + &j * j.transpose();
+        let y = DVector::from_column_slice(&data.y);
+        let square = y.dot(&(c.clone().try_inverse().unwrap() * &y));
+        let excess = (square / rows as f64).max(1.0);
+        let exact = -0.5 * (rows as f64 * excess.ln() + square / excess + c.determinant().ln());
+        assert!((found.evidence - exact).abs() < 1e-8, "{} {exact}", found.evidence);
+        assert!((found.excess - excess).abs() < 1e-10);
+    }
+
+    #[test]
+    fn the_diagonal_of_an_inverse_and_a_solution_are_those_of_the_matrix() {
+        let m = [[4.0, 1.0, 0.5], [1.0, 3.0, -0.7], [0.5, -0.7, 2.0]];
+        let factor = Cholesky::of((0..3).map(|i| m[i][..=i].to_vec()).collect()).unwrap();
+        let inverse = DMatrix::from_fn(3, 3, |i, j| m[i][j]).try_inverse().unwrap();
+        let x = factor.solve(&[1.0, -2.0, 0.3]);
+        for (i, d) in factor.inverse_diagonal().iter().enumerate() {
+            assert!((d - inverse[(i, i)]).abs() < 1e-12);
+            let own: f64 = (0..3).map(|j| m[i][j] * x[j]).sum();
+            assert!((own - [1.0, -2.0, 0.3][i]).abs() < 1e-12);
+        }
+        assert!(Cholesky::of(vec![vec![1.0], vec![2.0, 1.0]]).is_none());
+    }
+}

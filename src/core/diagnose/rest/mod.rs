@@ -7,6 +7,7 @@
 //! 4. The forcing at the best places is described: its [`waveform`], the [`law`] that it follows, and both in [`words`].
 
 pub(crate) mod cells;
+pub mod draft;
 pub mod explanation;
 pub(crate) mod inverse;
 pub mod law;
@@ -15,6 +16,8 @@ pub(crate) mod pulse;
 pub(crate) mod ranking;
 pub(crate) mod resolution;
 pub(crate) mod response;
+#[cfg(test)]
+mod tests;
 pub mod waveform;
 pub(crate) mod words;
 
@@ -189,6 +192,7 @@ fn described(kind: &Kind, probability: f64) -> Result<Option<Explanation>, Model
         before_m: at.head_m[0],
         elevation_m,
         flow_m3_s: &at_knots(&at.flow_m3_s),
+        is_the_head: site == Site::Supply,
     };
     let law = law_of(&waveform.value, &waveform.sd, &followed);
     let onset_s = waveform.onset_s();

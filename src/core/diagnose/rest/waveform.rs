@@ -31,8 +31,8 @@ pub struct Pulsation {
     pub amplitude: f64,
     /// Phase of `a sin(2πft + φ)`, rad.
     pub phase_rad: f64,
-    /// The record has it before the closure, too.
-    pub is_there_before: bool,
+    /// Whether the record has it before the closure, too; none where it is too short there.
+    pub is_there_before: Option<bool>,
 }
 
 impl Waveform {
@@ -69,8 +69,7 @@ impl Waveform {
         if left > (1.0 - TONE_SHARE) * square {
             return None;
         }
-        let (hz, is_there_before) = before(data, start_s, hz, 0.2 / duration_s);
-        let (cos, sin) = tone(&self.time_s, &self.value, hz).map_or((cos, sin), |(c, s, _)| (c, s));
+        let is_there_before = before(data, start_s, hz, 0.2 / duration_s);
         Some(Pulsation { frequency_hz: hz, amplitude: cos.hypot(sin), phase_rad: cos.atan2(sin), is_there_before })
     }
 }
@@ -100,8 +99,8 @@ fn least_between(of: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
     0.5 * (low + high)
 }
 
-/// Whether sensors show a tone near `hz` before the closure, and its frequency, to which that record adds where it is clear.
-fn before(data: &RunData, start_s: f64, hz: f64, by_hz: f64) -> (f64, bool) {
+/// Whether sensors show a tone near `hz` before the closure; none where no record holds a cycle.
+fn before(data: &RunData, start_s: f64, hz: f64, by_hz: f64) -> Option<bool> {
     let leads = data.sensors.iter().map(|s| {
         let to = s.time_s.partition_point(|&t| t < start_s);
         let time_s: Vec<f64> = s.time_s[..to].iter().map(|t| t - start_s).collect();
@@ -118,5 +117,39 @@ fn before(data: &RunData, start_s: f64, hz: f64, by_hz: f64) -> (f64, bool) {
             cos.hypot(sin) > BEFORE_ERRORS * error_m.max(scatter_m)
         })
     });
-    (hz, there)
+    (!leads.is_empty()).then_some(there)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::problem::test_record::{HDPE, record};
+    use crate::model::RunValues;
+    use crate::rig::Rig;
+
+    /// A tone is read to a small part of the distance of two frequencies that the record tells apart; the record before the closure, at 0.2 s, has one
+    /// of its own or not.
+    #[test]
+    fn a_tone_is_a_pulsation_with_its_frequency() {
+        let rig = Rig::from_toml(HDPE, "rig.toml").unwrap();
+        let run =
+            RunValues { initial_velocity_m_s: 0.5, valve_head_m: 20.0, closing_time_s: 0.05, friction_scale: 1.0 };
+        let mut data = record(&rig, &[], &[380.0], run, 0.02, 3.0);
+        let time_s: Vec<f64> = (0..300).map(|i| f64::from(i) * 0.01).collect();
+        let value: Vec<f64> = time_s.iter().map(|t| 0.3 + 1.4 * (TAU * 7.31 * t + 0.5).sin()).collect();
+        let tone = Waveform { sd: vec![0.05; value.len()], value, time_s: time_s.clone() };
+        let seen = tone.pulsation(&data, 0.2).unwrap();
+        assert!((seen.frequency_hz - 7.31).abs() < 0.01 && (seen.amplitude - 1.4).abs() < 0.01, "{seen:?}");
+        assert!((seen.phase_rad - 0.5).abs() < 0.1 && seen.is_there_before == Some(false), "{seen:?}");
+        let sensor = &mut data.sensors[0];
+        for (t, head) in sensor.time_s.iter().zip(&mut sensor.head_m) {
+            *head += 0.5 * (TAU * 7.31 * t).sin();
+        }
+        assert_eq!(tone.pulsation(&data, 0.2).unwrap().is_there_before, Some(true));
+        assert_eq!(tone.pulsation(&data, 0.1).unwrap().is_there_before, None);
+        let ramp = Waveform { value: time_s.iter().map(|t| t.powi(2)).collect(), ..tone };
+        assert_eq!(ramp.pulsation(&data, 0.2), None);
+        let late = Waveform { value: time_s.iter().map(|t| f64::from(u8::from(*t > 1.0))).collect(), ..ramp };
+        assert!((late.onset_s().unwrap() - 1.01).abs() < 0.011);
+    }
 }

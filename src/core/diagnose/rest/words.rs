@@ -33,8 +33,12 @@ fn pulsating(site: &Site) -> String {
 }
 
 fn tone(site: &Site, pulsation: &Pulsation) -> String {
-    let since = if pulsation.is_there_before { "there before the closure" } else { "from the closure on" };
-    format!("{} Hz, {}, {since}", significant(pulsation.frequency_hz, 4), amount(site, pulsation.amplitude))
+    let since = match pulsation.is_there_before {
+        Some(true) => ", there before the closure",
+        Some(false) => ", from the closure on",
+        None => "",
+    };
+    format!("{} Hz, {}{since}", significant(pulsation.frequency_hz, 4), amount(site, pulsation.amplitude))
 }
 
 /// A position with its error.
