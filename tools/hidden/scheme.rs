@@ -427,6 +427,25 @@ mod tests {
         assert!((seen / (2.0 * fall) - 1.0).abs() < 0.05, "{seen} against {}", 2.0 * fall);
     }
 
+    /// What a pump feeds in sends a wave of half `a q/(gA)` either way, which doubles at the closed valve; a relief valve there takes out what its law says.
+    #[test]
+    fn forcings_send_the_waves_that_theory_says() {
+        let sound = solve(&case(None, Vec::new()), 0.2, 1.0);
+        let flow = 0.03 * 0.2 * case(None, Vec::new()).area_m2();
+        let pump = Forced::SecondPump { at_m: 50.0, flow_m3_s: flow, from_s: 0.0, tau_s: 0.005, share: 0.0, hz: 1.0 };
+        let fed = solve(&case(Some(Hidden::Forced(pump)), Vec::new()), 0.2, 1.0);
+        let impedance = 400.0 / (G * case(None, Vec::new()).area_m2());
+        let seen = at(&fed, 0.25) - at(&sound, 0.25);
+        assert!((seen / (impedance * flow) - 1.0).abs() < 0.05, "{seen} against {}", impedance * flow);
+        let root_c = 0.05 * flow;
+        let relief = Forced::ReliefValve { at_m: 50.0, above_m: 33.0, root_c };
+        let relieved = solve(&case(Some(Hidden::Forced(relief)), Vec::new()), 0.2, 1.0);
+        let most = relieved.forcing.iter().copied().fold(0.0, f64::max);
+        let head = case(None, Vec::new()).valve_head_m + case(None, Vec::new()).joukowsky_m();
+        assert!((most / (root_c * (head - 33.0).sqrt()) - 1.0).abs() < 0.1, "{most}");
+        assert!(relieved.forcing[0] == 0.0 && sound.forcing.iter().all(|v| *v == 0.0));
+    }
+
     /// From grids of which each has three reaches for one of the last: the middle of a reach stays the middle of one.
     fn order_of(hidden: Hidden) -> f64 {
         let mut case = case(Some(hidden), Vec::new());
