@@ -48,6 +48,7 @@ const EXAMPLES: &[(&str, [&str; 2])] = &[
         "effects check",
         ["effects/relief-valve.toml", "effects/relief-valve.toml --rig rigs/demo-hdpe.toml --svg relief.svg"],
     ),
+    ("explain", ["model.toml", "recordings/hdpe-nothing-missing.mcap --effects viscoelastic-wall"]),
     ("export", ["recordings/hdpe-creep.mcap -o creep.csv", "recordings/copper-leak.mcap -o leak.csv"]),
     (
         "family",
@@ -154,6 +155,7 @@ const NEEDS: &[(&str, &[&str])] = &[
             "simulate --rig warm.toml --effects viscoelastic-wall:1 --set J1_per_GPa=0.12 tau1_s=0.0525 -o warm.mcap",
         ],
     ),
+    ("explain", &[MODEL]),
     ("frequency", &[MODEL]),
     ("history", &["demo", "watch surgescope-demo --once"]),
     ("import", &["export recordings/hdpe-creep.mcap -o creep.csv"]),

@@ -11,7 +11,7 @@ pub(crate) const GROUPS: [(&str, &[&str]); 8] = [
     ("Record", &["record", "ports", "rig", "recover"]),
     ("Look at a recording", &["inspect", "frequency", "valve"]),
     ("Model", &["effects", "simulate", "add", "refit", "undo", "model", "creep", "family"]),
-    ("Check the model", &["predict", "cross-validate", "sensitivity", "next"]),
+    ("Check the model", &["predict", "cross-validate", "sensitivity", "explain", "next"]),
     ("Run by itself", &["watch", "accept", "history", "replay", "campaign"]),
     ("Exchange", &["export", "layout", "results", "pest"]),
     ("Install", &["completions", "man"]),

@@ -17,9 +17,12 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::diagnose::growing::{Growing, Step};
+use crate::diagnose::rest::explain;
+use crate::diagnose::rest::explanation::Explanation;
 use crate::diagnose::{Diagnosis, diagnose, diagnose_fit, grow};
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
+use crate::fit::problem::error::FitError;
 use crate::fit::progress::{OnProgress, Progress};
 use crate::fit::search::calibrate::{calibrate, without};
 use crate::fit::search::nested::with_more_elements;
@@ -233,6 +236,16 @@ impl Study {
         let is_it = |c: &Chosen| c.label() == effect || c.effect.name() == effect;
         let Some(i) = fit.effects.iter().position(is_it) else { return Err(Error::NoSuchEffect(effect.to_owned())) };
         Ok(without(&self.rig, &self.runs, fit, i, &options_of(fit), self.watcher())?)
+    }
+
+    /// What would explain what a fitted model leaves, where no effect of the catalogue does: the most probable place of a forcing first, then those
+    /// that the recordings cannot tell from it. Nothing where nothing is left.
+    ///
+    /// # Errors
+    /// A recording with a faulty sensor, a model that cannot be simulated.
+    pub fn explain(&self, fit: &Fit) -> Result<Vec<Explanation>> {
+        self.recordings.iter().try_for_each(Loaded::require_sound)?;
+        Ok(explain(&self.rig, &self.runs, fit, &options_of(fit), self.watcher()).map_err(FitError::from)?)
     }
 
     /// A model with `effects` that grew out of one with those of `start`, both fitted, ready to grow on.

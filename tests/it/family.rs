@@ -10,9 +10,12 @@ use surgescope::rig::Rig;
 
 use crate::common::{self, document, here, parameter, printed, refused, text};
 
+#[allow(dead_code)] // of the examples
+#[path = "../../tools/hidden/forcing.rs"]
+mod forcing;
 #[path = "../../tools/hidden/of_rig.rs"]
 mod of_rig;
-#[allow(dead_code)] // of the examples
+#[allow(dead_code)]
 #[path = "../../tools/hidden/record.rs"]
 mod record;
 #[allow(dead_code)]

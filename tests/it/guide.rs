@@ -33,6 +33,7 @@ pages! {
     importing "docs/src/importing.md"
     the_loop "docs/src/loop.md"
     diagnosis "docs/src/diagnosis.md"
+    explain "docs/src/explain.md"
     own_effects "docs/src/own-effects.md"
     methods "docs/src/methods.md"
     trust "docs/src/trust.md"

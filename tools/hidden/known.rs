@@ -3,6 +3,8 @@
 //! `cargo run --release -p surgescope-tools --bin known_run -- RIG OUT.csv NAME=VALUE …`; names are those of `surgescope simulate --set`, with
 //! `temperature_degC`, `duration_s`, `noise_m`, `zero_m` (standard deviation of the sensors' zero errors) and `seed`.
 
+#[allow(dead_code)] // of the other program
+mod forcing;
 mod of_rig;
 #[allow(dead_code)] // of the other program
 mod record;

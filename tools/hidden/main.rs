@@ -3,8 +3,11 @@
 //! `cargo run --release -p surgescope-tools --bin hidden_effects -- SEED COUNT FOLDER [KIND,KIND…] [--coloured] [--hum] [--wrong-rig] [--pairs]
 //! [--plastic]` writes folders with `rig.toml`, `run.csv`, sometimes `run2.csv`, and `answers.json` beside them, as `tools/blind.py` reads them.
 //! The same seed gives the same files.
+//! Kinds of `forcing` (`forcings` for all of them) are what no effect of the catalogue is: the answers have their place and waveform as `forcing`,
+//! for `tools/explained.py`.
 //! With `--plastic` every wall creeps, also where an effect is otherwise hidden in metal only.
 
+mod forcing;
 mod record;
 mod rig;
 mod scheme;
@@ -26,8 +29,10 @@ fn main() -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
     let (seed, count): (u64, u64) = (seed.parse()?, count.parse()?);
     let mut drawn = rig::KINDS.to_vec();
     if let Some(asked) = kinds.first() {
-        if let Some(unknown) = asked.split(',').find(|k| !rig::KINDS.contains(k)) {
-            return Err(format!("there is no kind '{unknown}'; known: {}", rig::KINDS.join(", ")).into());
+        let asked = asked.replace("forcings", &forcing::KINDS.join(","));
+        drawn.extend(forcing::KINDS);
+        if let Some(unknown) = asked.split(',').find(|k| !drawn.contains(k)) {
+            return Err(format!("there is no kind '{unknown}'; known: {}, forcings", drawn.join(", ")).into());
         }
         drawn.retain(|k| asked.split(',').any(|a| a == *k));
     }
@@ -55,7 +60,7 @@ fn main() -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
                 name,
                 json!({"hidden": {"effect": kind, "effects": effects, "what": format!("{:?}", case.hidden)}, "start_effects": case.start_effects,
                        "noise_m": case.noise_m, "joukowsky_m": case.joukowsky_m(), "wave_speed_m_s": case.wave_speed_m_s,
-                       "material": case.material, "truth": truth}),
+                       "material": case.material, "truth": truth, "forcing": forcing::truth(&case)}),
             ))
         })
         .collect::<Result<_, Box<dyn std::error::Error + Send + Sync>>>()?;

@@ -3,6 +3,7 @@
 use std::fmt::Write;
 use std::path::Path;
 
+use super::forcing::Forced;
 use super::rig::{Case, Hidden};
 use super::scheme::{Solved, solve};
 
@@ -107,7 +108,7 @@ pub fn write(folder: &Path, case: &Case, random: &mut fastrand::Rng, lab: Lab) -
 }
 
 /// Head that a sensor shows, every step, without its noise.
-fn sensed(case: &Case, s: usize, solved: &Solved) -> Vec<f64> {
+pub fn sensed(case: &Case, s: usize, solved: &Solved) -> Vec<f64> {
     let mut trace = solved.heads_m[s].clone();
     for hidden in &case.hidden {
         show(hidden, s, solved, &mut trace);
@@ -135,6 +136,9 @@ fn show(hidden: &Hidden, s: usize, solved: &Solved, trace: &mut [f64]) {
             for (i, h) in trace.iter_mut().enumerate() {
                 *h += amplitude * (std::f64::consts::TAU * hz * i as f64 * solved.dt_s).sin();
             }
+        }
+        Hidden::Forced(Forced::SaturatingSensor { sensor, above_m, share }) if sensor == s => {
+            trace.iter_mut().for_each(|h| *h -= (1.0 - share) * (*h - above_m).max(0.0));
         }
         _ => {}
     }

@@ -1,5 +1,7 @@
 //! What is drawn: a rig, a run, and the effect hidden in it.
 
+use super::forcing::{self, Forced};
+
 /// Every kind of case.
 pub const KINDS: [&str; 18] = [
     "nothing",
@@ -66,6 +68,8 @@ pub enum Hidden {
     Skew(usize, f64),
     /// Sensor, factor.
     Gain(usize, f64),
+    /// What no effect of the catalogue is.
+    Forced(Forced),
 }
 
 /// One case.
@@ -223,7 +227,8 @@ pub fn draw(
         _ => Hidden::Gain(which, 1.0 + sign * between(random, 0.02, 0.08)),
     };
     let mut hidden = Vec::new();
-    if kind != "nothing" {
+    let is_forced = forcing::KINDS.contains(&kind);
+    if kind != "nothing" && !is_forced {
         hidden.push(hide(random, kind, place_m, which, sign));
     }
     if let Some(second) = second {
@@ -233,7 +238,7 @@ pub fn draw(
     }
     let cycles = if plastic { 30.0 } else { 20.0 };
     let cavity = kind == "vapour-cavity";
-    Case {
+    let mut case = Case {
         name: name.to_owned(),
         material,
         length_m: (length_m * 100.0).round() / 100.0,
@@ -256,5 +261,10 @@ pub fn draw(
         unsteady_friction,
         start_effects,
         hidden,
+    };
+    if is_forced {
+        let forced = Forced::draw(random, kind, &case, place_m, which);
+        case.hidden.push(forced);
     }
+    case
 }

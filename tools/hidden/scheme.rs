@@ -1,6 +1,7 @@
 //! The scheme: heads at nodes, flows at the faces between them, leapfrogging half a step apart (Yee 1966; no characteristics), every
 //! reach as long as a wave travels in a step. Friction, creep and gas enter each update implicitly.
 
+use super::forcing::{Forced, SupplyState};
 use super::rig::{Case, Hidden};
 
 const G: f64 = 9.81;
@@ -23,6 +24,8 @@ struct Line {
 pub struct Solved {
     pub dt_s: f64,
     pub heads_m: Vec<Vec<f64>>,
+    /// What a forcing does in each step from the start of the closure on, in its unit.
+    pub forcing: Vec<f64>,
 }
 
 /// `1/√t` as a sum of exponentials: `∫ s^-½ e^-st ds / √π` by the trapezoidal rule in `ln s`, far enough for a thousandth of its
@@ -156,6 +159,15 @@ fn solve_on(case: &Case, velocity_m_s: f64, duration_s: f64, nodes: usize) -> So
     let (mut travel, mut rate) = (0.0, 0.0);
     let two_stage = case.find(|h| if let Hidden::TwoStage(ti, oi) = *h { Some((ti, oi)) } else { None });
     let seat_leak = case.find(|h| if let Hidden::SeatLeak(rest) = *h { Some(rest) } else { None }).unwrap_or(0.0);
+    let forced = case.find(|h| if let Hidden::Forced(forced) = h { Some(forced.clone()) } else { None });
+    let relief = match forced {
+        Some(Forced::ReliefValve { at_m, above_m, root_c }) => Some((nearest(at_m), above_m, root_c)),
+        _ => None,
+    };
+    let fed_at = forced.as_ref().and_then(|f| f.fed(0.0)).map(|(at_m, _)| nearest(at_m));
+    let strains = matches!(forced, Some(Forced::NonlinearWall { .. }));
+    let mut supply_state = SupplyState::still();
+    let mut forcing = Vec::new();
     let opening = |t: f64| {
         let s = (t / case.closing_s).clamp(0.0, 1.0);
         let law = match two_stage {
@@ -222,7 +234,10 @@ fn solve_on(case: &Case, velocity_m_s: f64, duration_s: f64, nodes: usize) -> So
             Hidden::Pulsation(amplitude, hz) => amplitude * (std::f64::consts::TAU * hz * (t + dt)).sin(),
             _ => 0.0,
         };
-        line.head_m[0] = steady[0] + case.hidden.iter().map(supply).sum::<f64>();
+        let own = forced.as_ref().map_or(0.0, |f| supply_state.head_m(f, line.flow_m3_s[0], flow0, t + dt, dt));
+        let raised = case.hidden.iter().map(supply).sum::<f64>() + own;
+        line.head_m[0] = steady[0] + raised;
+        let mut of_step = raised;
         for (i, &rest) in steady.iter().enumerate().skip(1) {
             let end = i == nodes;
             let right = if end { 0.0 } else { 0.5 * line.step_m[i] };
@@ -248,25 +263,37 @@ fn solve_on(case: &Case, velocity_m_s: f64, duration_s: f64, nodes: usize) -> So
             let mean_rate = |mid: f64| {
                 (rate + swing * (compliance * (mid - rest) - travel)) / (1.0 + 0.5 * dt * swing + damping * omega * dt)
             };
-            let inflow = line.flow_m3_s[i - 1] - if end { 0.0 } else { line.flow_m3_s[i] } - branch_flow;
+            let fed =
+                forced.as_ref().filter(|_| fed_at == Some(i)).and_then(|f| f.fed(t + 0.5 * dt)).map_or(0.0, |f| f.1);
+            let inflow = line.flow_m3_s[i - 1] - if end { 0.0 } else { line.flow_m3_s[i] } - branch_flow + fed;
+            let touched = forced.as_ref().map_or(0.0, |f| f.opening(t + 0.5 * dt));
+            let through = |mid: f64| flow0 * (mid.abs() / case.valve_head_m).sqrt() * mid.signum();
+            let relieved = |mid: f64| match relief {
+                Some((at, above_m, root_c)) if at == i => root_c * (mid - above_m).max(0.0).sqrt(),
+                _ => 0.0,
+            };
+            let strained = |h: f64| forced.as_ref().map_or(0.0, |f| f.strain(h - rest));
+            let old_strain = strained(old);
             let old_gas = gas(i, old);
             let balance = |h: f64| {
                 let mid = 0.5 * (h + old);
                 let mut out = 0.0;
                 if end {
                     let open = opening(t + 0.5 * dt);
-                    out += open * flow0 * (mid.abs() / case.valve_head_m).sqrt() * mid.signum();
+                    out += (open + touched) * through(mid);
                     out += area * mean_rate(mid);
                 }
                 if leak_k > 0.0 && i == leak_at {
                     out += leak_k * mid.abs().sqrt() * mid.signum();
                 }
+                out += relieved(mid);
                 (store + branch_store) * (h - old) + old_gas - gas(i, h)
-                    + 2.0 * area * own * (known + grows * (h - rest))
+                    + 2.0 * area * own * (known + grows * (h - rest) + strained(h) - old_strain)
                     - dt * (inflow - out)
             };
             // Without gas, a hole or the valve the balance is linear: one step of Newton's is the answer.
-            let linear = !(gassy || end || (leak_k > 0.0 && i == leak_at));
+            let is_relieved = relief.is_some_and(|(at, ..)| at == i);
+            let linear = !(gassy || end || strains || is_relieved || (leak_k > 0.0 && i == leak_at));
             let slight = if linear { 1.0 } else { 1e-6 };
             let mut h = old;
             for _ in 0..if linear { 1 } else { 30 } {
@@ -292,7 +319,12 @@ fn solve_on(case: &Case, velocity_m_s: f64, duration_s: f64, nodes: usize) -> So
             for (strain, (e, p1, p0)) in line.strains[i].iter_mut().zip(&creep) {
                 *strain = *strain * e + p1 * (h - rest) + p0 * deviation;
             }
+            let mid = 0.5 * (h + old);
+            of_step += relieved(mid) - fed + if end { touched * through(mid) + strained(h) } else { 0.0 };
             line.head_m[i] = h;
+        }
+        if n >= warm_up + settle {
+            forcing.push(of_step);
         }
     }
     // A valve that shuts leaves heads that ring from one step to the next, which no pipe does: the mean of neighbours is still.
@@ -302,7 +334,7 @@ fn solve_on(case: &Case, velocity_m_s: f64, duration_s: f64, nodes: usize) -> So
             *head = 0.25 * (rung[i - 1] + 2.0 * rung[i] + rung[i + 1]);
         }
     }
-    Solved { dt_s: dt, heads_m }
+    Solved { dt_s: dt, heads_m, forcing }
 }
 
 #[cfg(test)]
@@ -393,6 +425,25 @@ mod tests {
         let seen = at(&sound, 0.4) - at(&solved, 0.4);
         // What comes back to the closed valve doubles there.
         assert!((seen / (2.0 * fall) - 1.0).abs() < 0.05, "{seen} against {}", 2.0 * fall);
+    }
+
+    /// What a pump feeds in sends a wave of half `a q/(gA)` either way, which doubles at the closed valve; a relief valve there takes out what its law says.
+    #[test]
+    fn forcings_send_the_waves_that_theory_says() {
+        let sound = solve(&case(None, Vec::new()), 0.2, 1.0);
+        let flow = 0.03 * 0.2 * case(None, Vec::new()).area_m2();
+        let pump = Forced::SecondPump { at_m: 50.0, flow_m3_s: flow, from_s: 0.0, tau_s: 0.005, share: 0.0, hz: 1.0 };
+        let fed = solve(&case(Some(Hidden::Forced(pump)), Vec::new()), 0.2, 1.0);
+        let impedance = 400.0 / (G * case(None, Vec::new()).area_m2());
+        let seen = at(&fed, 0.25) - at(&sound, 0.25);
+        assert!((seen / (impedance * flow) - 1.0).abs() < 0.05, "{seen} against {}", impedance * flow);
+        let root_c = 0.05 * flow;
+        let relief = Forced::ReliefValve { at_m: 50.0, above_m: 33.0, root_c };
+        let relieved = solve(&case(Some(Hidden::Forced(relief)), Vec::new()), 0.2, 1.0);
+        let most = relieved.forcing.iter().copied().fold(0.0, f64::max);
+        let head = case(None, Vec::new()).valve_head_m + case(None, Vec::new()).joukowsky_m();
+        assert!((most / (root_c * (head - 33.0).sqrt()) - 1.0).abs() < 0.1, "{most}");
+        assert!(relieved.forcing[0] == 0.0 && sound.forcing.iter().all(|v| *v == 0.0));
     }
 
     /// From grids of which each has three reaches for one of the last: the middle of a reach stays the middle of one.

@@ -10,6 +10,7 @@ pub mod cross_validate;
 pub mod demo;
 pub mod diagnose;
 pub mod effects;
+pub mod explain;
 pub mod export;
 pub mod family;
 pub mod frequency;

@@ -96,12 +96,7 @@ impl Growing {
     ///
     /// # Errors
     /// As [`crate::diagnose::diagnose`].
-    pub fn step(
-        &mut self,
-        rig: &Rig,
-        runs: &[RunData],
-        progress: &OnProgress<'_>,
-    ) -> Result<Option<Step>, FitError> {
+    pub fn step(&mut self, rig: &Rig, runs: &[RunData], progress: &OnProgress<'_>) -> Result<Option<Step>, FitError> {
         let state = self.state.clone();
         if self.is_done {
             return Ok(None);

@@ -24,6 +24,7 @@ pub mod next;
 pub(crate) mod outcome;
 pub mod refit;
 pub mod residual_patterns;
+pub mod rest;
 pub(crate) mod rivals;
 pub(crate) mod screening;
 pub(crate) mod search;
@@ -38,9 +39,7 @@ use crate::diagnose::candidate::{Form, forms_of, left_out};
 use crate::diagnose::fitter::Fitter;
 use crate::diagnose::growing::Growing;
 pub use crate::diagnose::limits::NEGLIGIBLE_EVIDENCE;
-use crate::diagnose::limits::{
-    AS_FAST, INDISTINGUISHABLE, LEAST_EVIDENCE, RIG_FILE_IS_WRONG, UNEXPLAINED_OVER_NOISE,
-};
+use crate::diagnose::limits::{AS_FAST, INDISTINGUISHABLE, LEAST_EVIDENCE, RIG_FILE_IS_WRONG, UNEXPLAINED_OVER_NOISE};
 use crate::diagnose::measures::{evidence_scale, over_noise, square};
 use crate::diagnose::models::Search;
 use crate::diagnose::next::{Answer, in_words};
@@ -98,7 +97,7 @@ pub fn diagnose_fit(
 
 /// What a search that went on from a `state` says of what that lacks.
 fn diagnosis(search: &Search, state: &[&'static str], is_held: bool) -> Result<Diagnosis, FitError> {
-    let Fitter { rig, runs, asked, options, .. } = search.fitter;
+    let Fitter { rig, runs, asked, options, progress } = search.fitter;
     let start = search.fit_of(state);
     let own = if state.is_empty() { None } else { Some(Baseline::new(rig, runs, start, options)?) };
     let baseline = own.as_ref().unwrap_or(search.baseline);
@@ -141,6 +140,7 @@ fn diagnosis(search: &Search, state: &[&'static str], is_held: bool) -> Result<D
         held_out_m: None,
         visible: Vec::new(),
         next_test: None,
+        rest: Vec::new(),
         is_held,
         start: start.clone(),
     };
@@ -159,7 +159,12 @@ fn diagnosis(search: &Search, state: &[&'static str], is_held: bool) -> Result<D
             let least_fall = search.least_fall_after(search.taken(start));
             diagnosis.visible = visible(baseline, &forms, weighed.scale, least_fall);
         }
-        Verdict::UnknownEffect => {}
+        Verdict::UnknownEffect => match rest::explain(rig, runs, &diagnosis.start, options, progress) {
+            Ok(explanations) => diagnosis.rest = explanations,
+            Err(error) => {
+                diagnosis.warnings.push(format!("what would explain the rest could not be solved for: {error}"))
+            }
+        },
     }
     Ok(diagnosis)
 }

@@ -1,6 +1,7 @@
 //! The outcome of a diagnosis, as plain data.
 
 use crate::diagnose::limits::{START_DOUBTFUL, WORSE_PREDICTION};
+use crate::diagnose::rest::explanation::Explanation;
 use crate::diagnose::visible::Visible;
 use crate::fit::outcome::fit::{Fit, FittedParameter};
 use crate::interned::Text;
@@ -118,6 +119,9 @@ pub struct Diagnosis {
     pub visible: Vec<Visible>,
     /// The test that would tell the best candidates apart, if these data cannot.
     pub next_test: Option<String>,
+    /// What would explain the records where no effect of the catalogue does, the most probable first.
+    #[serde(default)]
+    pub rest: Vec<Explanation>,
 }
 
 impl Diagnosis {

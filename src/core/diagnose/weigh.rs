@@ -1,9 +1,9 @@
 //! What the records say of every model that the search has met: its evidence over the start model, and its share of the probability.
 
+use crate::diagnose::candidate::base_name;
 use crate::diagnose::evidence::{EvidenceScale, probabilities, tempered};
 use crate::diagnose::limits::{LEAST_EVIDENCE, NEGLIGIBLE_EVIDENCE, ODDS_AT_BOUND, PRIOR_ODDS_OF_NOTHING};
 use crate::diagnose::measures::{evidence_scale, fall, over_noise, square};
-use crate::diagnose::candidate::base_name;
 use crate::diagnose::met::{Met, has_all};
 use crate::diagnose::models::Search;
 use crate::fit::outcome::fit::{Fit, FittedParameter};

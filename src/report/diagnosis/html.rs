@@ -5,7 +5,7 @@ use crate::report::Page;
 use crate::report::Stage;
 use crate::report::calibration::{correlation, energy, heatmap, spectrum, stages};
 use crate::report::diagnosis::words::{rival_pairs, start_model};
-use crate::report::diagnosis::{ranking, signature};
+use crate::report::diagnosis::{ranking, rest, signature};
 use crate::report::text::escape::escape;
 use crate::report::text::number::{error_m, probability, times_noise};
 use crate::report::view::summary;
@@ -17,6 +17,7 @@ pub(crate) fn before(page: &Page) -> String {
     [
         stages::staircase(&models, &stages::errors(&models)),
         ranking::section(page.diagnoses),
+        rest::section(page.diagnoses),
         failings(page.diagnoses),
         heatmap::section(&models),
         spectrum::section(&models),
@@ -199,6 +200,7 @@ mod tests {
             residual_patterns: vec!["P1: <much> too high".into()],
             next_test: next_test.map(str::to_owned),
             is_held: false,
+            rest: Vec::new(),
             candidates,
         };
         let rig = Rig::from_toml(RIG, "rig.toml").unwrap();

@@ -7,6 +7,7 @@ use serde::Serialize;
 use crate::diagnose::visible::Visible;
 use crate::diagnose::{Candidate, Diagnosis, Pair, RivalPair, Verdict};
 use crate::model::effects::name_of;
+use crate::report::diagnosis::rest::{self, Explained};
 use crate::report::diagnosis::words::{evidence, rival_pairs};
 use crate::report::text::number::{error_m, grouped, probability, significant, with_error};
 use crate::results::fit_record::Parameter;
@@ -20,6 +21,7 @@ struct Document<'a> {
     candidates: Vec<Rival<'a>>,
     pair: Option<Both<'a>>,
     next_test: &'a str,
+    rest: Vec<Explained<'a>>,
     fails: &'a [String],
     not_tried: Vec<LeftOut<'a>>,
     least_visible: Vec<Least<'a>>,
@@ -127,6 +129,7 @@ fn document(diagnosis: &Diagnosis) -> Document<'_> {
         candidates: diagnosis.candidates.iter().map(|c| rival(c, diagnosis.pair.as_ref())).collect(),
         pair: diagnosis.pair.as_ref().map(|pair| both(pair, &diagnosis.rival_pairs)),
         next_test: diagnosis.next_test.as_deref().unwrap_or(""),
+        rest: diagnosis.rest.iter().map(Explained::from).collect(),
         fails: &diagnosis.residual_patterns,
         warnings: &diagnosis.warnings,
         not_tried: diagnosis.left_out.iter().map(|(effect, reason)| LeftOut { effect, reason }).collect(),
@@ -213,6 +216,7 @@ pub fn text(diagnosis: &Diagnosis) -> String {
         ),
         (Verdict::MissingEffect, None) => Ok(()),
     };
+    out += &rest::text(&diagnosis.rest);
     if let Some(best) = diagnosis.candidates.first()
         && let (Some(without), Some(with)) = (diagnosis.held_out_m, best.held_out_m)
     {

@@ -134,7 +134,8 @@ export function missing() {
   put(at("verdict"), verdict);
   const shown = (found ? proposals() : []).filter((c, i) => i < 5 || c.probability > 0.01).slice(0, 8);
   const next = found?.next_test ? h("article", { class: "card next" }, h("h3", { text: "Next test" }), h("p", { text: found.next_test })) : null;
-  put(at("candidates"), model ? shown.map(candidate) : null, next);
+  const rest_of = (found?.rest || []).map((one, i) => h("article", { class: "card next" }, h("h3", { text: i ? "Or" : "What would explain the rest" }), h("p", { text: `${one.says} (probability ${probable(one.probability)})` })));
+  put(at("candidates"), model ? [...rest_of, ...shown.map(candidate)] : null, next);
   const own = model?.effects || [];
   put(at("effects-in"), own.length ? h("h2", { text: "In the model" }) : null, own.map((effect) => {
     const off = h("input", { type: "checkbox", checked: !app.without.has(effect), onchange: () => { if (off.checked) app.without.delete(effect); else app.without.add(effect); rest(); try_(false); } });

@@ -1,7 +1,7 @@
 //! `surgescope effects`: the catalogue, what each effect is and does, and effects of one's own.
 
 mod check;
-mod new;
+pub(crate) mod new;
 
 use std::path::PathBuf;
 

@@ -1,11 +1,11 @@
 //! `surgescope effects new`: a commented start of an effect of one's own.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde_json::json;
 
 use crate::cli::console::document::say_document;
-use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::outcome::{AnyError, CommandResult, Outcome};
 use crate::cli::console::print::say_text;
 use crate::model::own::file::read;
 use crate::rig::own_effects::{FOLDER, stem};
@@ -30,19 +30,8 @@ const START: &str = include_str!("start.toml");
 /// # Errors
 /// A name that no effect may have, a file that is there already or cannot be written.
 pub fn run(args: &Args, json: bool) -> CommandResult {
-    let path = args.output.clone().unwrap_or_else(|| PathBuf::from(FOLDER).join(format!("{}.toml", args.name)));
-    if stem(&path) != args.name {
-        return Err(format!("the file of an effect has its name: write -o …/{}.toml", args.name).into());
-    }
-    if crate::model::effects::CATALOGUE.iter().any(|e| e.name() == args.name) {
-        return Err(format!("'{}' is an effect of the catalogue: choose another name", args.name).into());
-    }
-    let text = START.replace("NAME", &args.name);
-    read(&text, &path.shown(), &args.name)?;
-    if let Some(folder) = path.parent().filter(|f| !f.as_os_str().is_empty()) {
-        std::fs::create_dir_all(folder).map_err(|e| format!("cannot make the folder {}: {e}", folder.shown()))?;
-    }
-    output::write_new(&path, &text, false)?;
+    let path = args.output.clone().unwrap_or_else(|| usual(&args.name));
+    write(&path, &args.name, &START.replace("NAME", &args.name))?;
     if json {
         say_document(json!({ "file": path.to_string_lossy() }))?;
     } else {
@@ -50,4 +39,27 @@ pub fn run(args: &Args, json: bool) -> CommandResult {
         say_text!(format_args!("{shown} written. Change it, then: surgescope effects check {shown}\n"));
     }
     Ok(Outcome::Done)
+}
+
+/// Where an effect belongs, beside the rig file.
+pub(crate) fn usual(name: &str) -> PathBuf {
+    PathBuf::from(FOLDER).join(format!("{name}.toml"))
+}
+
+/// Writes the file of an effect where none stands.
+///
+/// # Errors
+/// A name that no effect may have, a text that is none, a file that is there already or cannot be written.
+pub(crate) fn write(path: &Path, name: &str, text: &str) -> Result<(), AnyError> {
+    if stem(path) != name {
+        return Err(format!("the file of an effect has its name: write -o …/{name}.toml").into());
+    }
+    if crate::model::effects::CATALOGUE.iter().any(|e| e.name() == name) {
+        return Err(format!("'{name}' is an effect of the catalogue: choose another name").into());
+    }
+    read(text, &path.shown(), name)?;
+    if let Some(folder) = path.parent().filter(|f| !f.as_os_str().is_empty()) {
+        std::fs::create_dir_all(folder).map_err(|e| format!("cannot make the folder {}: {e}", folder.shown()))?;
+    }
+    output::write_new(path, text, false)
 }

@@ -1,0 +1,225 @@
+//! What a fitted model leaves of one run, in cells of time that are even from the closure on, with the errors of each.
+//!
+//! A cell holds the mean of the samples in it. Its error is their noise, averaged where it is white, and whole where it is slow; and the share of the
+//! surge by which two right solvers differ.
+
+use crate::diagnose::limits::MODEL_ERROR;
+use crate::extent::ends;
+use crate::fit::data::run_data::RunData;
+use crate::fit::numeric::least_squares::Problem;
+use crate::fit::outcome::fit::Fit;
+use crate::fit::problem::fit_problem::{FitProblem, Window};
+use crate::fit::problem::hum::without_hum;
+use crate::model::parameter::Scale;
+use crate::model::{Model, ModelError};
+
+/// Even times: `CELLS` cells a knot.
+pub(crate) const CELLS: usize = 3;
+
+/// The times of a forcing: knots from a little before the closure on, and the cells between them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Times {
+    /// Between knots, s.
+    pub(crate) knot_s: f64,
+    /// Knots before the closure: they make up for what moves in the pipe when it begins.
+    pub(crate) before: usize,
+    /// All knots.
+    pub(crate) knots: usize,
+}
+
+impl Times {
+    /// Cell width, s.
+    pub(crate) fn cell_s(&self) -> f64 {
+        self.knot_s / CELLS as f64
+    }
+
+    /// Cells after the closure.
+    pub(crate) fn cells(&self) -> usize {
+        (self.knots - self.before) * CELLS
+    }
+
+    /// Time of a knot after the start of the closure, s.
+    pub(crate) fn knot_at_s(&self, knot: usize) -> f64 {
+        (knot as f64 - self.before as f64) * self.knot_s
+    }
+
+    /// End of the last cell, s.
+    pub(crate) fn end_s(&self) -> f64 {
+        self.cells() as f64 * self.cell_s()
+    }
+}
+
+/// A row of the linear problem.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Row {
+    /// Index of the sensor among the run's.
+    pub(crate) sensor: usize,
+    /// Its cell after the closure; none of the level before it.
+    pub(crate) cell: Option<usize>,
+    /// Standard deviation of its error, m.
+    pub(crate) sd_m: f64,
+}
+
+/// One run under a fitted model.
+pub(crate) struct Run<'a> {
+    pub(crate) problem: FitProblem<'a>,
+    /// Variables that the records may move: those that are not held. One that a fit has moved to a bound may come back.
+    pub(crate) free: Vec<usize>,
+    /// What was known of each variable before the fit: mean and standard deviation.
+    pub(crate) beliefs: Vec<Option<(f64, f64)>>,
+    /// Variables of the fit.
+    pub(crate) x: Vec<f64>,
+    /// Heads without hum, m.
+    heads_m: Vec<Vec<f64>>,
+    fine: usize,
+    pub(crate) coarse: usize,
+    grid_error_m: f64,
+}
+
+impl<'a> Run<'a> {
+    /// Of the only one of `runs`, under a model that was fitted to it, perhaps together with others.
+    ///
+    /// # Errors
+    /// As [`Model::simulate`].
+    pub(crate) fn new(model: &'a Model<'a>, runs: &'a [RunData], fit: &Fit, coarse: usize) -> Result<Self, ModelError> {
+        let file = &runs[0].file;
+        let own: Vec<_> = fit.parameters.iter().filter(|p| p.run.as_ref().is_none_or(|run| run == file)).collect();
+        let problem = FitProblem::new(model, runs, Window { reaches: coarse, horizon_s: f64::INFINITY, stride: 1 });
+        let values: Vec<f64> = own.iter().map(|p| p.value).collect();
+        let x = problem.variables(&values);
+        let free = (0..own.len()).filter(|&j| !own[j].held).collect();
+        let beliefs = (0..own.len())
+            .map(|j| {
+                let variable = |mean: f64| if own[j].scale == Scale::Log { mean.ln() } else { mean };
+                own[j].belief.map(|(mean, sd)| (variable(mean), sd)).or(problem.known(j))
+            })
+            .collect();
+        let mut run = Run {
+            problem,
+            free,
+            beliefs,
+            heads_m: runs[0].sensors.iter().map(|s| s.head_m.clone()).collect(),
+            fine: fit.reaches,
+            coarse,
+            grid_error_m: fit.grid_error_m,
+            x,
+        };
+        let left = run.left_m(&run.x.clone(), run.fine)?;
+        for ((sensor, heads), left) in runs[0].sensors.iter().zip(&mut run.heads_m).zip(left) {
+            if !sensor.hum.is_empty() {
+                let rest = without_hum(sensor, &sensor.time_s, left.clone());
+                heads.iter_mut().zip(left.iter().zip(&rest)).for_each(|(h, (with, without))| *h -= with - without);
+            }
+        }
+        Ok(run)
+    }
+
+    /// Its data.
+    pub(crate) fn data(&self) -> &'a RunData {
+        &self.problem.runs[0]
+    }
+
+    /// Start of the closure on the record's clock, s.
+    pub(crate) fn start_s(&self) -> f64 {
+        self.problem.closure_start_s(0, &self.problem.values(&self.x))
+    }
+
+    /// How long the record lasts after that, s.
+    pub(crate) fn duration_s(&self) -> f64 {
+        self.problem.rows.last_s(0, self.start_s()) - self.start_s()
+    }
+
+    /// The theoretical period, s.
+    pub(crate) fn period_s(&self) -> f64 {
+        let values = self.problem.values(&self.x);
+        self.problem.model.period_s(&values[..self.problem.model.shared.len()])
+    }
+
+    /// Measured minus modelled heads of all samples, m.
+    fn left_m(&self, x: &[f64], reaches: usize) -> Result<Vec<Vec<f64>>, ModelError> {
+        let values = self.problem.values(x);
+        let traces = self.problem.modelled(0, &values, reaches)?.traces;
+        let start_s = self.problem.closure_start_s(0, &values);
+        let of = |(s, trace): (usize, crate::model::trace::Trace)| {
+            let (sensor, offset_m) = (&self.data().sensors[s], self.problem.offset_m(0, s, &values));
+            let mut left = vec![0.0; sensor.time_s.len()];
+            trace.read(start_s, &sensor.time_s, &mut left);
+            left.iter_mut().zip(&self.heads_m[s]).for_each(|(l, head)| *l = head - offset_m - *l);
+            left
+        };
+        Ok(traces.into_iter().enumerate().map(of).collect())
+    }
+
+    /// The rows over `times`, and the samples that each is the mean of.
+    pub(crate) fn rows(&self, times: &Times) -> (Vec<Row>, Vec<std::ops::Range<usize>>) {
+        let (start_s, period_s) = (self.start_s(), self.period_s());
+        let (mut rows, mut samples) = (Vec::new(), Vec::new());
+        for (s, sensor) in self.data().sensors.iter().enumerate() {
+            let white = sensor.noise_m.powi(2);
+            let slow = (sensor.total_noise_m.powi(2) - white).max(0.0);
+            let (low, high) = ends(&sensor.head_m);
+            let of_model = (MODEL_ERROR * 0.5 * (high - low)).powi(2) + self.grid_error_m.powi(2);
+            let at = |t: f64| sensor.time_s.partition_point(|&time| time < start_s + t);
+            let before = at(-period_s)..at(-0.02 * period_s);
+            if !before.is_empty() {
+                // Slow noise and what oscillates hardly average out over a period.
+                let variance = white / before.len() as f64 + slow + sensor.oscillation_m.powi(2) + of_model;
+                rows.push(Row { sensor: s, cell: None, sd_m: variance.sqrt() });
+                samples.push(before);
+            }
+            for cell in 0..times.cells() {
+                let own = at(cell as f64 * times.cell_s())..at((cell + 1) as f64 * times.cell_s());
+                if !own.is_empty() {
+                    let variance = white / own.len() as f64 + slow + of_model;
+                    rows.push(Row { sensor: s, cell: Some(cell), sd_m: variance.sqrt() });
+                    samples.push(own);
+                }
+            }
+        }
+        (rows, samples)
+    }
+
+    /// What the model at `x` leaves in each row, m.
+    ///
+    /// # Errors
+    /// As [`Model::simulate`].
+    pub(crate) fn left_in(
+        &self,
+        x: &[f64],
+        (rows, samples): &(Vec<Row>, Vec<std::ops::Range<usize>>),
+        is_fine: bool,
+    ) -> Result<Vec<f64>, ModelError> {
+        let left = self.left_m(x, if is_fine { self.fine } else { self.coarse })?;
+        let mean = |(row, own): (&Row, &std::ops::Range<usize>)| {
+            left[row.sensor][own.clone()].iter().sum::<f64>() / own.len() as f64
+        };
+        Ok(rows.iter().zip(samples).map(mean).collect())
+    }
+
+    /// How the model's heads change in each row with each free variable, m.
+    ///
+    /// # Errors
+    /// As [`Model::simulate`].
+    pub(crate) fn slopes(&self, rows: &(Vec<Row>, Vec<std::ops::Range<usize>>)) -> Result<Vec<Vec<f64>>, ModelError> {
+        use rayon::prelude::*;
+        let base = self.left_in(&self.x, rows, false)?;
+        let (_, upper) = self.problem.bounds();
+        let slope = |&j: &usize| {
+            let step = self.problem.difference_step(j);
+            let step = if self.x[j] + step > upper[j] { -step } else { step };
+            let mut moved = self.x.clone();
+            moved[j] += step;
+            let left = self.left_in(&moved, rows, false)?;
+            Ok(base.iter().zip(&left).map(|(b, l)| (b - l) / step).collect())
+        };
+        self.free.par_iter().map(slope).collect()
+    }
+
+    /// Moves the free variables, within their bounds.
+    pub(crate) fn step(&mut self, by: &[f64]) {
+        let (lower, upper) = self.problem.bounds();
+        let moved: Vec<f64> =
+            self.free.iter().zip(by).map(|(&j, by)| (self.x[j] + by).clamp(lower[j], upper[j])).collect();
+        self.free.iter().zip(moved).for_each(|(&j, x)| self.x[j] = x);
+    }
+}

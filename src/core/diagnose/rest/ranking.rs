@@ -1,0 +1,228 @@
+//! The places of one run, ranked by evidence.
+//!
+//! A fit that lacks a forcing has moved its variables to make up for it. So they first go back to what the instruments say; all places are screened
+//! there. The best place of each kind then contends: variables and forcing move together, and a place along a pipe with them (Gauss-Newton).
+
+use rayon::prelude::*;
+
+use crate::diagnose::evidence::tempered;
+use crate::diagnose::rest::cells::{Run, Times};
+use crate::diagnose::rest::inverse::{Data, Found, Normal, PROCESSES, Process, columns};
+use crate::diagnose::rest::places::Spot;
+use crate::diagnose::rest::response::response;
+use crate::fit::numeric::least_squares::Problem;
+use crate::fit::numeric::uncertainty::correlation_inflation;
+use crate::model::ModelError;
+use crate::product::dot;
+
+/// Times that the variables move with a forcing.
+const ROUNDS: usize = 3;
+/// Steps of the search for a forcing's power: while it is looked for, and of what is shown.
+const QUICK: usize = 4;
+const THOROUGH: usize = 8;
+/// Times that the variables move alone, before any forcing is looked for.
+const DOUBTS: usize = 3;
+/// Share of a variable's reach within which its slopes are trusted, as a standard deviation.
+const TRUSTED: f64 = 0.3;
+/// What is not known of a variable before the fit is as wide as this many errors of the record.
+const WIDE: f64 = 1e4;
+/// The best place of a kind, with the run's model as it is with a forcing there.
+pub(crate) struct Contender<'a> {
+    pub(crate) run: Run<'a>,
+    pub(crate) spot: Spot,
+    pub(crate) found: Found,
+    /// The evidence for no forcing, at the same values of the variables.
+    pub(crate) nothing: Found,
+    pub(crate) data: Data,
+    /// Along a pipe, the places about it that were tried, m, with their evidence.
+    pub(crate) tried: Vec<(f64, f64)>,
+}
+
+impl Contender<'_> {
+    /// Position of the first sensor, m, where the place lies on the pipe between the supply and it.
+    pub(crate) fn before_sensors_m(&self) -> Option<f64> {
+        let rig = self.run.problem.model.rig;
+        let graph = &rig.graph;
+        let alone = graph.lines.len() == 1 && graph.nodes[graph.supply()].kind.holds_given_head();
+        let first_m = self.run.data().sensors.iter().map(|s| s.sensor.position_m).fold(f64::INFINITY, f64::min);
+        // A place next to the sensor may be on either side of it.
+        let is_before = self.spot.position_m().is_some_and(|at| at < first_m + self.spot.spacing_m(rig));
+        (alone && is_before).then_some(first_m)
+    }
+
+    /// Position along a pipe and its standard error, m: before all sensors anywhere as probable, else the mean over those that were tried, each for the stretch to its neighbours.
+    pub(crate) fn position_m(&self) -> (f64, f64) {
+        if let Some(first_m) = self.before_sensors_m() {
+            return (0.5 * first_m, first_m / 12f64.sqrt());
+        }
+        let mut tried = self.tried.clone();
+        tried.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let top = tried.iter().map(|t| t.1).fold(f64::NEG_INFINITY, f64::max);
+        let last = tried.len().saturating_sub(1);
+        let weight =
+            |i: usize| (tried[(i + 1).min(last)].0 - tried[i.saturating_sub(1)].0) * tempered(tried[i].1 - top).exp();
+        let total: f64 = (0..tried.len()).map(weight).sum();
+        let mean = (0..tried.len()).map(|i| weight(i) * tried[i].0).sum::<f64>() / total;
+        let square = (0..tried.len()).map(|i| weight(i) * (tried[i].0 - mean).powi(2)).sum::<f64>() / total;
+        // No finer than they were tried.
+        let step_m = tried.windows(2).map(|w| w[1].0 - w[0].0).fold(f64::INFINITY, f64::min);
+        (mean, square.sqrt().hypot(step_m / 12f64.sqrt()))
+    }
+}
+
+/// What the run leaves at its variables' values, against which a forcing is judged; and how far each free variable may move.
+fn data(run: &Run, times: &Times) -> Result<(Data, Vec<(f64, f64)>), ModelError> {
+    let cells = run.rows(times);
+    let left = run.left_in(&run.x, &cells, true)?;
+    let mut slopes = run.slopes(&cells)?;
+    let rows = cells.0;
+    let mut y: Vec<f64> = left.iter().zip(&rows).map(|(l, row)| l / row.sd_m).collect();
+    let mut reach = Vec::new();
+    for (slope, &j) in slopes.iter_mut().zip(&run.free) {
+        slope.iter_mut().zip(&rows).for_each(|(s, row)| *s /= row.sd_m);
+        let wide = WIDE / dot(slope, slope).sqrt().max(f64::MIN_POSITIVE);
+        let (towards, sd) = match run.beliefs[j] {
+            Some((mean, sd)) if sd < wide => (mean - run.x[j], sd),
+            // Not farther than the slopes mean anything.
+            _ => (0.0, wide.min(TRUSTED * run.problem.reach(j))),
+        };
+        y.iter_mut().zip(&*slope).for_each(|(y, s)| *y -= s * towards);
+        slope.iter_mut().for_each(|s| *s *= sd);
+        reach.push((towards, sd));
+    }
+    Ok((Data { rows, y, slopes }, reach))
+}
+
+/// Moves the variables to where they are when what the model leaves counts as an error: samples whose errors are alike count once. A fit that lacks
+/// something has gone wherever that makes up for it, far from what the instruments say; from there no place looks right.
+fn doubt(run: &mut Run, times: &Times) -> Result<(), ModelError> {
+    let (mut data, reach) = data(run, times)?;
+    let left = run.left_in(&run.x, &run.rows(times), true)?;
+    let left: Vec<f64> = left.iter().zip(&data.rows).map(|(l, row)| l / row.sd_m).collect();
+    let unit = (dot(&left, &left) / left.len() as f64).max(1.0) * correlation_inflation(&left);
+    data.y.iter_mut().for_each(|y| *y /= unit.sqrt());
+    data.slopes.iter_mut().flatten().for_each(|s| *s /= unit.sqrt());
+    let alone = Normal::of(&data, Vec::new(), 0);
+    let moves = alone.best(PROCESSES[0], QUICK).and_then(|found| alone.moves(&found));
+    run.step(&steps(&moves.unwrap_or_default(), &reach));
+    Ok(())
+}
+
+/// Steps of the variables from moves in units of what was known of them.
+fn steps(moves: &[f64], reach: &[(f64, f64)]) -> Vec<f64> {
+    moves.iter().zip(reach).map(|(m, (towards, sd))| towards + m * sd).collect()
+}
+
+/// The normal equations of a place.
+///
+/// # Errors
+/// As [`response`].
+pub(crate) fn normal(run: &Run, data: &Data, spot: &Spot, times: &Times) -> Result<Normal, ModelError> {
+    let response = response(run, spot, times)?;
+    Ok(Normal::of(data, columns(&data.rows, &response, times), response.len()))
+}
+
+/// The contenders of a run: of each kind of place the best one, with the model's variables where they are with it.
+///
+/// # Errors
+/// As [`Run::left_in`].
+pub(crate) fn contenders<'a>(
+    mut run: Run<'a>,
+    again: impl Fn() -> Result<Run<'a>, ModelError> + Sync,
+    spots: &[Spot],
+    times: &Times,
+) -> Result<Vec<Contender<'a>>, ModelError> {
+    for _ in 0..DOUBTS {
+        doubt(&mut run, times)?;
+    }
+    let screened = data(&run, times)?.0;
+    let judged = |spot: &Spot| {
+        let found = normal(&run, &screened, spot, times).ok()?.best(PROCESSES[1], QUICK)?;
+        Some((spot.clone(), found.evidence))
+    };
+    let mut all: Vec<(Spot, f64)> = spots.par_iter().filter_map(judged).collect();
+    all.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let mut best: Vec<Spot> = Vec::new();
+    for (spot, _) in all {
+        if !best.iter().any(|other| other.is_alike(&spot)) {
+            best.push(spot);
+        }
+    }
+    let tones = strongest(&screened, times).map(Process::tones);
+    let tones = tones.as_slice().as_flattened().to_vec();
+    let x = run.x.clone();
+    let settled = |spot: Spot| -> Result<Option<Contender<'a>>, ModelError> {
+        let mut own = again()?;
+        own.x.clone_from(&x);
+        settled(own, spot, times, &tones)
+    };
+    let settled: Vec<Option<Contender>> = best.into_par_iter().map(settled).collect::<Result<_, _>>()?;
+    Ok(settled.into_iter().flatten().collect())
+}
+
+/// Moves the variables, and along a pipe the place, to where they are with a forcing there.
+fn settled<'a>(
+    mut run: Run<'a>,
+    mut spot: Spot,
+    times: &Times,
+    tones: &[Process],
+) -> Result<Option<Contender<'a>>, ModelError> {
+    let mut process = PROCESSES[1];
+    let mut step_m = spot.spacing_m(run.problem.model.rig);
+    for round in 1..=ROUNDS {
+        let (data, reach) = data(&run, times)?;
+        step_m *= 0.5;
+        let mut best: Option<(Spot, Found, Normal)> = None;
+        for near in spot.moved(run.problem.model.rig, &[0.0, -step_m, step_m]) {
+            let normal = normal(&run, &data, &near, times)?;
+            let Some(found) = normal.best(process, QUICK) else { continue };
+            if best.as_ref().is_none_or(|(_, b, _)| found.evidence > b.evidence) {
+                best = Some((near, found, normal));
+            }
+        }
+        let Some((near, found, normal)) = best else { return Ok(None) };
+        let others = PROCESSES.iter().chain(tones).filter(|p| **p != process && round > 1);
+        let found = others.filter_map(|p| normal.best(*p, QUICK)).fold(found, better);
+        let Some(solution) = normal.moves(&found) else { return Ok(None) };
+        (spot, process) = (near, found.belief.process);
+        run.step(&steps(&solution, &reach));
+    }
+    let (data, _) = data(&run, times)?;
+    let mut tried = Vec::new();
+    for near in spot.moved(run.problem.model.rig, &[0.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0].map(|by| by * step_m)) {
+        if let Some(found) = normal(&run, &data, &near, times)?.best(process, THOROUGH) {
+            tried.push((near, found));
+        }
+    }
+    let Some((spot, found)) = tried.iter().max_by(|a, b| a.1.evidence.total_cmp(&b.1.evidence)).cloned() else {
+        return Ok(None);
+    };
+    let Some(nothing) = Normal::of(&data, Vec::new(), 0).best(process, QUICK) else { return Ok(None) };
+    let tried = tried.into_iter().filter_map(|(spot, found)| Some((spot.position_m()?, found.evidence))).collect();
+    Ok(Some(Contender { run, spot, found, nothing, data, tried }))
+}
+
+/// Knots a cycle of the strongest tone in what is left, over all sensors.
+fn strongest(data: &Data, times: &Times) -> Option<f64> {
+    let sensors = data.rows.iter().map(|row| row.sensor).max()? + 1;
+    let cells = times.cells();
+    let power = |cycles: f64| -> f64 {
+        let mut sums = vec![[0.0; 2]; sensors];
+        for (row, y) in data.rows.iter().zip(&data.y) {
+            let Some(cell) = row.cell else { continue };
+            let (sin, cos) = (std::f64::consts::TAU * cycles * cell as f64 / cells as f64).sin_cos();
+            sums[row.sensor][0] += y * cos;
+            sums[row.sensor][1] += y * sin;
+        }
+        sums.iter().map(|[a, b]| a * a + b * b).sum()
+    };
+    // From three cycles on, to three knots a cycle; a third of a cycle apart.
+    let most = times.end_s() / (3.0 * times.knot_s);
+    let scan = (9..).map(|i| f64::from(i) / 3.0).take_while(|cycles| *cycles < most).collect::<Vec<_>>();
+    let cycles = scan.into_par_iter().map(|c| (power(c), c)).max_by(|a, b| a.0.total_cmp(&b.0))?.1;
+    Some(times.end_s() / cycles / times.knot_s)
+}
+
+fn better(a: Found, b: Found) -> Found {
+    if b.evidence > a.evidence { b } else { a }
+}
