@@ -210,7 +210,7 @@ mod tests {
     fn a_banana_is_drawn_with_its_moments() {
         let (b, s2) = (0.5, 4.0);
         let density = |x: &[f64]| -0.5 * (x[0] * x[0] / s2 + (x[1] + b * x[0] * x[0] - b * s2).powi(2));
-        let draws = drawn(2, 30_000, 3, |random| vec![normal(random), 2.0 + normal(random)], density);
+        let draws = drawn(2, 50_000, 3, |random| vec![normal(random), 2.0 + normal(random)], density);
         let ((first, _), (second, convergence)) = (marginal(&draws, 0), marginal(&draws, 1));
         assert!(convergence.r_hat < 1.01 && convergence.effective_draws > 1500.0, "{convergence:?}");
         let (mean, variance) = moments(&first);

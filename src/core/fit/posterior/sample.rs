@@ -15,8 +15,8 @@ use crate::fit::outcome::posterior::{Marginal, Posterior};
 use crate::fit::posterior::interval;
 use crate::fit::posterior::likelihood::Likelihood;
 use crate::fit::posterior::thresholds::{
-    CONVERGED_R_HAT, FIRST_SWEEPS, KEPT_DRAWS, LEAST_START_SPREAD, LEAST_WALKERS, LINES_PER_VARIABLE, OPEN_START_SHARE,
-    R_HAT_SCATTER, SIMULATIONS_PER_DRAW, START_NEARER, START_SPREAD, SWEEPS_GROWTH, WALKERS_PER_VARIABLE,
+    CONVERGED_R_HAT, FIRST_SWEEPS, KEPT_DRAWS, LEAST_START_SPREAD, LEAST_WALKERS, LINES_PER_VARIABLE, MOVES_PER_DRAW,
+    OPEN_START_SHARE, R_HAT_SCATTER, START_NEARER, START_SPREAD, SWEEPS_GROWTH, WALKERS_PER_VARIABLE,
 };
 use crate::fit::problem::elements::vanished;
 use crate::fit::problem::error::FitError;
@@ -187,7 +187,7 @@ fn draw(
     };
     let starts: Vec<(Vec<f64>, f64)> = (0..ENSEMBLES * walkers).into_par_iter().map(start).collect();
     let mut all = Ensembles::new(starts.chunks(walkers).map(<[_]>::to_vec).collect(), seed);
-    let most = (SIMULATIONS_PER_DRAW * wanted).div_ceil(ENSEMBLES * walkers).max(FIRST_SWEEPS);
+    let most = (MOVES_PER_DRAW * wanted).div_ceil(ENSEMBLES * walkers).max(FIRST_SWEEPS);
     let (mut sweeps, mut until) = (0, FIRST_SWEEPS);
     loop {
         while sweeps < until {
@@ -293,7 +293,7 @@ mod tests {
         find_doubts(&rig, &runs, &mut fit, &options).unwrap();
         let slow = fit.parameter("tau2_s").unwrap();
         assert!(matches!(slow.doubt, Some(Doubt::Curved | Doubt::Bound)), "{slow:?}");
-        sample(&rig, &runs, &mut fit, 200, &options, &|_| {}).unwrap();
+        sample(&rig, &runs, &mut fit, 50, &options, &|_| {}).unwrap();
         let slow = fit.parameter("tau2_s").unwrap();
         let (low, high) = slow.interval_95;
         assert!(fit.posterior.as_ref().unwrap().converged, "{:?}", fit.posterior);

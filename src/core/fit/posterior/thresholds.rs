@@ -23,8 +23,8 @@ pub(crate) const R_HAT_SCATTER: f64 = 21.7;
 pub(crate) const FIRST_SWEEPS: usize = 60;
 /// Growth of their number from one look to the next. Chosen.
 pub(crate) const SWEEPS_GROWTH: f64 = 1.5;
-/// Simulations at most, for each effective draw that is asked for. Chosen.
-pub(crate) const SIMULATIONS_PER_DRAW: usize = 400;
+/// Moves at most, for each effective draw that is asked for. Chosen: twice what a compliance that trades with a time beyond the record took.
+pub(crate) const MOVES_PER_DRAW: usize = 2000;
 /// Draws that a fit keeps. Chosen: as many as a chart shows.
 pub(crate) const KEPT_DRAWS: usize = 1000;
 /// Density at a bound, as a share of the highest, from which on the bound belongs to the interval. Derived: `exp(-3.84/2)`, where a profile's interval
