@@ -282,9 +282,10 @@ mod tests {
         assert!(linear.parameters.iter().filter(|p| p.doubt.is_none()).count() >= 6, "{:?}", linear.parameters);
     }
 
-    /// Creep slower than the record: its time may be anything above, and compliance grows with it. The linear interval does not say so.
+    /// Creep of 20 s in a record of 3 s: only the ratio of compliance and time is well seen, and the fit ends at the bound of the time, 88 s. The draws go along the ratio
+    /// and hold the true time.
     #[test]
-    fn what_the_record_leaves_open_is_in_doubt_and_open() {
+    fn what_the_record_hardly_shows_is_in_doubt_and_wide() {
         let rig = Rig::from_toml(HDPE, "rig.toml").unwrap();
         let effects = parse_list("viscoelastic-wall:2").unwrap();
         let runs = [record(&rig, &effects, &[380.0, 0.12, 0.05, 0.5, 20.0], RUN, 0.05, 3.0)];
@@ -297,6 +298,6 @@ mod tests {
         let slow = fit.parameter("tau2_s").unwrap();
         let (low, high) = slow.interval_95;
         assert!(fit.posterior.as_ref().unwrap().converged, "{:?}", fit.posterior);
-        assert!(low < 20.0 && high > 20.0 && high - slow.value > 1.5 * (slow.value - low), "{slow:?}");
+        assert!(low < 20.0 && high > 20.0 && high > 3.0 * low, "{slow:?}");
     }
 }
