@@ -6,7 +6,9 @@
 
 use serde::{Deserialize, Deserializer, Serialize};
 
+use crate::fit::outcome::doubt::Doubt;
 use crate::fit::outcome::fit::{Fit, FittedParameter, RunFit, SensorFit, StepTaken};
+use crate::fit::outcome::posterior::{self, Posterior};
 use crate::fit::outcome::unidentifiable::Unidentifiable;
 use crate::recording::Recording;
 use crate::rig::Rig;
@@ -64,6 +66,9 @@ pub struct FitRecord {
     /// The steps of a stepwise calibration; left out of any other.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub steps: Vec<StepTaken>,
+    /// How the joint posterior of the values was sampled; left out where it was not asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub posterior: Option<Sampled>,
     /// Each recording.
     pub runs: Vec<Run>,
     /// Fitted parameters: those that all runs share, then each run's own.
@@ -137,7 +142,7 @@ pub struct Parameter {
     /// Standard error in `unit`; not known where the data do not determine it, at a bound, or where the fit ended at no optimum; 0 where it was held.
     #[serde(default)]
     pub standard_error: Option<f64>,
-    /// 95% interval in `unit`, by its profile where there is one; an end that the data leave open is infinite. Neither end is a number
+    /// 95% interval in `unit`, by its profile or a converged posterior where there is one; an end that the data leave open is infinite. Neither end is a number
     /// where the fit ended at no optimum.
     #[serde(default = "no_interval", deserialize_with = "interval_or_null")]
     pub interval_95: [f64; 2],
@@ -147,6 +152,12 @@ pub struct Parameter {
     /// Value and rise of the sum of squares (3.84 is the threshold) along the parameter, others following; left out where it was not asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub profile: Option<Vec<(f64, f64)>>,
+    /// What sampling shows of it; left out where the posterior was not asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub posterior: Option<Marginal>,
+    /// Why its interval from the standard error is in doubt: `bound`, `curved` or `open`; left out where it is not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub doubt: Option<Doubt>,
     /// Unit.
     pub unit: String,
     /// It ended at one of its bounds.
@@ -168,6 +179,41 @@ pub struct Parameter {
     /// Left out of documents that list parameters of several models.
     #[serde(default, skip_serializing_if = "Vec::is_empty", deserialize_with = "numbers_or_null")]
     pub correlation: Vec<f64>,
+}
+
+/// How a joint posterior was sampled.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Sampled {
+    /// The chains have met, and say as much as was asked for; otherwise no interval comes from them.
+    pub converged: bool,
+    /// Largest R̂ of a parameter.
+    #[serde(deserialize_with = "number_or_null")]
+    pub r_hat: f64,
+    /// Fewest independent draws of a parameter that say as much as its chains.
+    pub effective_draws: f64,
+    /// The same that were asked for.
+    pub wanted: usize,
+    /// Chains.
+    pub chains: usize,
+    /// Draws of each chain that count.
+    pub sweeps: usize,
+    /// Share of the moves that were made.
+    pub acceptance: f64,
+}
+
+/// What sampling shows of a parameter, in its unit.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Marginal {
+    /// Half the draws lie below it.
+    pub median: f64,
+    /// 95% interval of the draws; an open end is infinite.
+    #[serde(deserialize_with = "interval_or_null")]
+    pub interval_95: [f64; 2],
+    /// R̂: 1 where all chains show the same.
+    #[serde(deserialize_with = "number_or_null")]
+    pub r_hat: f64,
+    /// Independent draws that say as much.
+    pub effective_draws: f64,
 }
 
 /// What is known of a parameter before a fit.
@@ -204,6 +250,7 @@ impl FitRecord {
             warnings: warnings.to_vec(),
             unseen: fit.unidentifiable.clone(),
             steps: fit.steps.clone(),
+            posterior: fit.posterior.as_ref().map(Sampled::from),
             runs: fit.runs.iter().enumerate().map(|(i, run)| Run::from(run).recorded(recordings.get(i))).collect(),
             parameters: fit
                 .parameters
@@ -262,6 +309,20 @@ impl From<&SensorFit> for Sensor {
     }
 }
 
+impl From<&Posterior> for Sampled {
+    fn from(sampled: &Posterior) -> Self {
+        let Posterior { converged, r_hat, effective_draws, wanted, chains, sweeps, acceptance, .. } = *sampled;
+        Sampled { converged, r_hat, effective_draws, wanted, chains, sweeps, acceptance }
+    }
+}
+
+impl From<&posterior::Marginal> for Marginal {
+    fn from(of: &posterior::Marginal) -> Self {
+        let (low, high) = of.interval_95;
+        Marginal { median: of.median, interval_95: [low, high], r_hat: of.r_hat, effective_draws: of.effective_draws }
+    }
+}
+
 impl From<&FittedParameter> for Parameter {
     fn from(p: &FittedParameter) -> Self {
         Parameter {
@@ -272,6 +333,8 @@ impl From<&FittedParameter> for Parameter {
             interval_95: [p.interval_95.0, p.interval_95.1],
             rig_error: p.rig_error,
             profile: p.profile.as_ref().map(|profile| profile.points.clone()),
+            posterior: p.posterior.as_ref().map(Marginal::from),
+            doubt: p.doubt,
             unit: p.unit.to_owned(),
             at_bound: p.at_bound,
             held: p.held,

@@ -44,7 +44,7 @@ const ROOMS: [&str; 34] = [
 
 /// The floors of the large rooms, from the lowest up.
 const FLOORS: [(&str, &[&str]); 5] = [
-    ("fit", &["numeric", "data", "problem", "outcome", "inference", "search", "validate"]),
+    ("fit", &["numeric", "data", "problem", "outcome", "inference", "search", "posterior", "validate"]),
     ("record", &["wire", "clock", "devices", "health", "session"]),
     (
         "report",

@@ -10,6 +10,7 @@ pub(crate) mod import_options;
 pub(crate) mod live;
 pub(crate) mod misfit;
 pub(crate) mod own_values;
+pub(crate) mod posterior;
 pub(crate) mod profile;
 pub(crate) mod recordings;
 pub(crate) mod run_models;

@@ -52,6 +52,8 @@ pub struct Args {
     #[command(flatten)]
     profiles: crate::cli::args::profile::Profiles,
     #[command(flatten)]
+    sampling: crate::cli::args::posterior::Sampling,
+    #[command(flatten)]
     ignored: crate::cli::args::ignore::Ignored,
     /// Read the recordings with this rig instead of the stored one.
     #[arg(long, value_name = "RIG")]
@@ -91,6 +93,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let held = args.hold.iter().filter(|hold| hold.fixed()).map(|hold| hold.name.as_str()).chain(fixed);
     args.search.said().check_held(held.clone())?;
     args.profiles.check(held)?;
+    args.sampling.check(&searched)?;
     let mut file =
         args.save.as_ref().map(|path| models::about(path, &args.recordings, args.rig.as_deref())).transpose()?;
     let rig_file = models::rig_of(args.rig.as_deref(), args.save.as_deref().zip(file.as_ref()));
@@ -117,6 +120,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         let mut fit = shown(&mut study, "", |study| study.calibrate(effects).options(options.clone()).run())?;
         if i + 1 == models.len() {
             args.profiles.apply(&study, &mut fit, &options)?;
+            args.sampling.apply(&study, &mut fit, &options)?;
         }
         fits.push((title(effects), fit));
     }

@@ -10,6 +10,7 @@
 //! | [`outcome`] | what a fit gives back |
 //! | [`inference`] | errors, intervals, combinations that no record determines |
 //! | [`search`] | the way to an optimum |
+//! | [`posterior`] | joint posteriors, and where they are needed |
 //! | [`validate`] | whether a fitted model holds |
 //!
 //! The thresholds of a floor stand in its file `thresholds`, with their origin: *derived*; a reference to the literature; *tuned*, where trials
@@ -19,6 +20,7 @@ pub mod data;
 pub mod inference;
 pub mod numeric;
 pub mod outcome;
+pub mod posterior;
 pub mod problem;
 pub mod progress;
 pub mod search;

@@ -158,6 +158,7 @@ mod tests {
             converged: true,
             cost: 0.0,
             predicted_reduction: 0.0,
+            posterior: None,
             features_left: vec![],
             method: crate::fit::problem::method::Method::default(),
         };

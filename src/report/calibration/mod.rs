@@ -4,6 +4,7 @@ pub(crate) mod correlation;
 pub(crate) mod energy;
 pub(crate) mod heatmap;
 pub(crate) mod parameters;
+pub mod posterior;
 pub(crate) mod profiles;
 pub(crate) mod rig;
 pub(crate) mod sensor;

@@ -22,6 +22,7 @@ pub(crate) fn section(stages: &[Stage]) -> String {
         out.push_str(&format!("<h3>What the recordings do not show</h3>\n<ul>\n{items}</ul>\n"));
     }
     out.push_str(&crate::report::calibration::profiles::section(last.fit));
+    out.push_str(&crate::report::calibration::posterior::section(last.fit));
     for stage in earlier {
         out.push_str(&format!(
             "<details><summary>Parameters of: {}</summary>\n{}</details>\n",

@@ -1,9 +1,10 @@
 //! Tables of a calibration for the terminal: plain text, aligned, no colour.
 
-use crate::fit::outcome::fit::{Fit, RunFit, SensorFit};
+use crate::fit::outcome::fit::{Fit, FittedParameter, RunFit, SensorFit};
 use crate::fit::problem::compare::ExtremumError;
 use crate::fit::problem::compare::mape_percent;
 use crate::report::Stage;
+use crate::report::calibration::posterior;
 use crate::report::calibration::steps::steps;
 use crate::report::text::number::{decimals_for, duration, error_m, fixed, interval, signed, significant, times};
 use crate::report::text::table::Table;
@@ -18,6 +19,7 @@ pub fn calibration(stages: &[Stage]) -> String {
         parts.extend([
             errors(stages),
             parameters(last.fit),
+            posterior::text(last.fit),
             unseen(last.fit),
             extrema(last.fit),
             steps(&last.fit.steps),
@@ -36,7 +38,7 @@ pub fn parameters(fit: &Fit) -> String {
             p.name.clone(),
             fitted(fit, p),
             p.unit.into(),
-            interval(p.interval_95) + if p.profile.is_some() { " (profile)" } else { "" },
+            interval(p.interval_95) + from(fit, p),
             p.rig_error.filter(|_| !p.held).map_or(String::new(), |sd| format!("± {}", significant(sd, 2))),
             p.run.clone().unwrap_or_default(),
             if p.held {
@@ -49,6 +51,16 @@ pub fn parameters(fit: &Fit) -> String {
         ]);
     }
     table.without_empty_columns().to_string()
+}
+
+/// Where an interval comes from, if not from the standard error.
+fn from(fit: &Fit, p: &FittedParameter) -> &'static str {
+    let sampled = fit.posterior.as_ref().is_some_and(|posterior| posterior.converged) && p.posterior.is_some();
+    match (p.profile.is_some(), sampled) {
+        (true, _) => " (profile)",
+        (_, true) => " (posterior)",
+        _ => "",
+    }
 }
 
 /// What the recordings do not see, a line each.
@@ -162,7 +174,6 @@ pub fn stop(fit: &Fit) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fit::outcome::fit::{FittedParameter, SensorFit};
     use crate::fit::outcome::uncertainty::Uncertainty;
     use crate::model::effects::parse_list;
 
@@ -232,6 +243,7 @@ mod tests {
             converged: true,
             cost: 0.0,
             predicted_reduction: 0.0,
+            posterior: None,
             features_left: vec![],
             method: crate::fit::problem::method::Method::default(),
         }

@@ -1,6 +1,8 @@
 //! Numerical methods that know nothing of pipes: least squares, global searches, linear algebra of errors.
 
 pub(crate) mod cma;
+pub(crate) mod convergence;
+pub(crate) mod ensemble;
 pub(crate) mod evolution;
 pub mod least_squares;
 pub(crate) mod micro_ga;

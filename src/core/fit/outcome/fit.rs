@@ -1,5 +1,7 @@
 //! The result of a calibration: plain data for tables, JSON and pages.
 
+use crate::fit::outcome::doubt::Doubt;
+use crate::fit::outcome::posterior::{Marginal, Posterior};
 use crate::fit::outcome::profile::Profile;
 use crate::fit::outcome::residual_summary::ResidualSummary;
 use crate::fit::outcome::uncertainty::Uncertainty;
@@ -25,11 +27,17 @@ pub struct FittedParameter {
     pub value: f64,
     /// How well it is known, in `unit`.
     pub uncertainty: Uncertainty,
-    /// 95% interval in `unit`: linear, or by its profile where there is one. An end that the data leave open is infinite; both are not a
+    /// 95% interval in `unit`: linear, or by its profile or its posterior where there is one. An end that the data leave open is infinite; both are not a
     /// number where the fit ended at no optimum.
     pub interval_95: (f64, f64),
     /// How the fit gets worse along it, where a profile was asked for.
     pub profile: Option<Profile>,
+    /// What sampling shows of it, where that was asked for.
+    #[serde(default)]
+    pub posterior: Option<Marginal>,
+    /// Why its interval from a standard error is in doubt, where that was asked for and it is.
+    #[serde(default)]
+    pub doubt: Option<Doubt>,
     /// What the rig file's tolerances add, the same for every run of the rig: a standard deviation in `unit`, where they reach it.
     pub rig_error: Option<f64>,
     /// Display unit.
@@ -190,6 +198,9 @@ pub struct Fit {
     pub cost: f64,
     /// Reduction of the sum of squares that an undamped step predicts from its end, in units of what one sample leaves.
     pub predicted_reduction: f64,
+    /// The joint posterior of its values, where that was asked for.
+    #[serde(default)]
+    pub posterior: Option<Posterior>,
 }
 
 impl Fit {

@@ -80,6 +80,8 @@ pub(crate) fn assemble(ctx: &Calibrator, problem: &FitProblem, solution: &Soluti
             uncertainty: of_value(j).0,
             interval_95: of_value(j).1,
             profile: None,
+            posterior: None,
+            doubt: None,
             rig_error: ctx.rig.tolerance_of(&p.name).map(|share| share * values[j].abs()),
             unit: p.unit,
             at_bound: solution.at_bound[j] && p.lower < p.upper,
@@ -121,6 +123,7 @@ pub(crate) fn assemble(ctx: &Calibrator, problem: &FitProblem, solution: &Soluti
         converged,
         cost: solution.cost,
         predicted_reduction: reduction,
+        posterior: None,
     })
 }
 
