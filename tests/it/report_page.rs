@@ -100,6 +100,7 @@ fn fit(effects: &[&str], sensors: Vec<SensorFit>, parameters: Vec<FittedParamete
         (sensors.iter().map(|s| of(s).powi(2)).sum::<f64>() / sensors.len().max(1) as f64).sqrt()
     };
     Fit {
+        posterior: None,
         effects: chosen(&effects.join(",")),
         runs: vec![RunFit {
             file: "hdpe-50-run-03.mcap".into(),
