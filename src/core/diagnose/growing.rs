@@ -4,13 +4,12 @@
 //! another effect in its place, turns out to be more probable, it is taken out.
 
 use crate::diagnose::baseline::Baseline;
-use crate::diagnose::diagnosis;
+use crate::diagnose::conclusion::diagnosis;
 use crate::diagnose::fitter::Fitter;
 use crate::diagnose::limits::{INDISTINGUISHABLE, MOST_MISSING};
-use crate::diagnose::met::{Key, Met, has_all};
+use crate::diagnose::met::{Done, Key, Met, has_all};
 use crate::diagnose::models::Search;
 use crate::diagnose::outcome::Diagnosis;
-use crate::diagnose::search::Done;
 use crate::diagnose::start::Start;
 use crate::diagnose::weigh::weigh;
 use crate::fit::data::run_data::RunData;

@@ -13,6 +13,20 @@ pub(crate) fn has_all(key: &[&'static str], of: &[&'static str]) -> bool {
     of.iter().all(|name| key.contains(name))
 }
 
+/// A step that was taken: from which state, how, and what that left then.
+pub(crate) type Done = (Key, Starts, f64);
+
+/// How a step looks for the fits of a state's neighbours.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Starts {
+    /// From the state's own fit, by a forecast.
+    Forecast,
+    /// The leading ones of them from the signals.
+    LeadingFromSignals,
+    /// All of them from the signals.
+    AllFromSignals,
+}
+
 /// See the module.
 pub(crate) struct Met {
     pub(crate) key: Key,

@@ -4,8 +4,7 @@ use crate::diagnose::baseline::Baseline;
 use crate::diagnose::candidate::{Form, base_name};
 use crate::diagnose::fitter::Fitter;
 use crate::diagnose::measures::{error_of_effects, least_fall, over_noise, square};
-use crate::diagnose::met::{Key, Met};
-use crate::diagnose::search::Done;
+use crate::diagnose::met::{Done, Key, Met};
 use crate::fit::outcome::fit::Fit;
 use crate::model::effects::Chosen;
 

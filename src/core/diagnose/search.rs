@@ -8,24 +8,10 @@
 use crate::diagnose::evidence::tempered;
 use crate::diagnose::limits::{INDISTINGUISHABLE, QUIET, START_DOUBTFUL};
 use crate::diagnose::measures::{beyond, fall, over_noise, square};
-use crate::diagnose::met::{Key, Met};
+use crate::diagnose::met::{Done, Key, Met, Starts};
 use crate::diagnose::models::Search;
 use crate::diagnose::weigh::{WeighedModel, weigh};
 use crate::fit::outcome::fit::Fit;
-
-/// A step that was taken: from which state, how, and what that left then.
-pub(crate) type Done = (Key, Starts, f64);
-
-/// How a step looks for the fits of a state's neighbours.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Starts {
-    /// From the state's own fit, by a forecast.
-    Forecast,
-    /// The leading ones of them from the signals.
-    LeadingFromSignals,
-    /// All of them from the signals.
-    AllFromSignals,
-}
 
 impl Search<'_> {
     /// Looks for models with as many effects more as `most` than those of a `state`, which is grown whatever it leaves. Models near the noise are

@@ -31,7 +31,7 @@ pub fn text(fit: &Fit) -> String {
     if !doubtful.is_empty() {
         let _ = writeln!(
             out,
-            "Intervals in doubt, for errors there are not normal: {}. --posterior 1000 samples them.",
+            "Intervals in doubt, for errors there are not normal: {}. Option `posterior` samples them.",
             doubtful.join(", ")
         );
     }

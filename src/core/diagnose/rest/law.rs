@@ -91,13 +91,13 @@ pub(crate) fn law_of(value: &[f64], sd: &[f64], followed: &Followed) -> Option<(
     let of = |f: &dyn Fn(usize) -> f64| (0..value.len()).map(f).collect::<Vec<f64>>();
     let fit = |x: Vec<f64>, has_level: bool| regression(value, sd, &x, has_level);
     let steady = followed.before_m;
-    let of_head: [(fn(f64) -> Law, (f64, f64)); 4] = [
+    let of_head: [Fitted; 4] = [
         (|scale| Law::Orifice { scale }, fit(of(&|i| (h[i] - followed.elevation_m).max(0.0).sqrt()), false)),
         (|scale| Law::Head { scale }, fit(of(&|i| h[i] - steady), true)),
         (|scale| Law::HeadSquared { scale }, fit(of(&|i| (h[i] - steady).powi(2)), true)),
         (|scale| Law::HeadRate { scale }, fit(of(&rate), true)),
     ];
-    let of_flow: [(fn(f64) -> Law, (f64, f64)); 2] = [
+    let of_flow: [Fitted; 2] = [
         (|scale| Law::FlowSquared { scale }, fit(of(&|i| followed.flow_m3_s[i] * followed.flow_m3_s[i].abs()), true)),
         (|scale| Law::Volume { scale }, fit(volumes, true)),
     ];
@@ -115,6 +115,9 @@ pub(crate) fn law_of(value: &[f64], sd: &[f64], followed: &Followed) -> Option<(
     let best = if is_better { threshold } else { simple };
     (best.1 > LEAST_SHARE).then_some(best)
 }
+
+/// A law by its scale; the scale that fits, and the share of the forcing that it explains.
+type Fitted = (fn(f64) -> Law, (f64, f64));
 
 /// Slope of a forcing over `x`, with a level of its own or through zero, and the share of its weighted variance that this explains.
 fn regression(value: &[f64], sd: &[f64], x: &[f64], has_level: bool) -> (f64, f64) {
