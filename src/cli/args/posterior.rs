@@ -3,7 +3,7 @@
 use crate::cli::console::print::tell_warning;
 use crate::cli::console::progress::progress_bar;
 use crate::fit::outcome::fit::Fit;
-use crate::fit::posterior::doubt::find_doubts;
+use crate::fit::posterior::doubt::{find_bounds, find_doubts};
 use crate::fit::posterior::sample::sample;
 use crate::fit::problem::objective::Objective;
 use crate::fit::progress::Progress;
@@ -47,18 +47,20 @@ impl Sampling {
         if options.objective == Objective::Frequency {
             return Ok(());
         }
+        let Some(wanted) = self.posterior else {
+            find_bounds(fit);
+            return Ok(());
+        };
         let began = std::time::Instant::now();
         let bar = progress_bar();
         find_doubts(study.rig(), study.runs(), fit, options)?;
-        if let Some(wanted) = self.posterior {
-            let shown = |p: &Progress| bar.set_message(p.stage.clone());
-            sample(study.rig(), study.runs(), fit, wanted as usize, options, &shown)?;
-        }
+        let shown = |p: &Progress| bar.set_message(p.stage.clone());
+        sample(study.rig(), study.runs(), fit, wanted as usize, options, &shown)?;
         bar.finish_and_clear();
         fit.seconds += began.elapsed().as_secs_f64();
         if let Some(sampled) = fit.posterior.as_ref().filter(|sampled| !sampled.converged) {
             tell_warning!("{}", posterior::not_converged(sampled));
-        } else if self.posterior.is_some() && fit.posterior.is_none() {
+        } else if fit.posterior.is_none() {
             tell_warning!("the fit has no posterior: its noise or its slopes are not finite");
         }
         Ok(())

@@ -19,6 +19,22 @@ use crate::fit::problem::error::FitError;
 use crate::fit::search::options::Options;
 use crate::rig::Rig;
 
+/// What the intervals themselves show of [`find_doubts`], without a simulation: that a bound lies within one, or that it is open.
+pub fn find_bounds(fit: &mut Fit) {
+    if !fit.converged {
+        return;
+    }
+    for p in &mut fit.parameters {
+        let passes = p.interval_95.0 < p.lower || p.interval_95.1 > p.upper;
+        p.doubt = match p.uncertainty {
+            Uncertainty::AtBound => Some(Doubt::Bound),
+            Uncertainty::Open => Some(Doubt::Open),
+            Uncertainty::Known(_) if passes => Some(Doubt::Bound),
+            _ => None,
+        };
+    }
+}
+
 /// Says of each parameter of a fit why its interval is in doubt, if it is: sets [`FittedParameter::doubt`](crate::fit::outcome::fit::FittedParameter::doubt).
 /// Nothing is said of a fit that ended at no optimum.
 ///
