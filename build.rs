@@ -1,4 +1,5 @@
-//! Names this build by its sources: a number that was computed by it can say so, and a build with other physics has another name.
+//! Names this build by its sources: a number that was computed by it can say so, and a build with other physics has
+//! another name.
 
 use std::fs;
 use std::io;

@@ -1,4 +1,5 @@
-//! What a file of a test tells of its rig: sensors, units, likely places, temperature, closing time; and what a person says of it.
+//! What a file of a test tells of its rig: sensors, units, likely places, temperature, closing time; and what a person
+//! says of it.
 
 pub mod answers;
 pub mod epanet;
@@ -28,7 +29,8 @@ use crate::storage::import::{
 use crate::storage::nearest::listed;
 use crate::units::{GRAVITY_M_S2, Quantity, UNITS, Unit};
 
-/// Units of a pressure that states none, and up to which median it is taken for each: a laboratory's line has 0.5 to 20 bar.
+/// Units of a pressure that states none, and up to which median it is taken for each: a laboratory's line has 0.5 to 20
+/// bar.
 const PRESSURES: [(&str, f64); 3] = [("bar", 20.0), ("kPa", 2e3), ("Pa", f64::INFINITY)];
 /// Units of a flow that states none, the likeliest first, and the velocities that it may mean, m/s.
 const FLOWS: [&str; 4] = ["L/s", "m3/h", "L/min", "m3/s"];
@@ -48,7 +50,8 @@ pub const LIKE_THE_AIR: &str = "no front passes it, and it stays at the pressure
 /// Pressures of the air, Pa, and those of a sensor in it that counts from them.
 const AIR_PA: [std::ops::Range<f64>; 2] = [8.5e4..1.1e5, -5e3..5e3];
 
-/// A transducer that rings, or whose zero is off, may show less than a vacuum, but not so many atmospheres below that of the day.
+/// A transducer that rings, or whose zero is off, may show less than a vacuum, but not so many atmospheres below that
+/// of the day.
 const BELOW_VACUUM: f64 = 2.0;
 
 /// Two wave speeds agree within this factor: creep and a leak lower the first rise.
@@ -140,9 +143,11 @@ pub fn meant(track: &Track, said: &Said) -> Option<(SensorKind, Option<Told<Unit
     kind.filter(|_| track.series.value.len() > 1 && !source.ignore.iter().any(|name| track.is_called(name)))
 }
 
-/// The sensors of a file's columns, and the columns that are none. Pressures stand at the valve until [`place`] puts them elsewhere.
+/// The sensors of a file's columns, and the columns that are none. Pressures stand at the valve until [`place`] puts
+/// them elsewhere.
 ///
-/// A `unit` that the user gives is that of the pressures that state none. What the options scale is in their unit, otherwise a pressure in it, or in bar.
+/// A `unit` that the user gives is that of the pressures that state none. What the options scale is in their unit,
+/// otherwise a pressure in it, or in bar.
 pub fn sensors_of(file: &SourceFile, draft: &Draft, said: &Said) -> (Vec<DraftSensor>, Vec<String>) {
     let (source, unit) = (&said.source, said.unit);
     let (mut sensors, mut others): (Vec<DraftSensor>, Vec<String>) = (Vec::new(), Vec::new());
@@ -192,7 +197,8 @@ fn guessed_pressure(level: f64, why: String) -> Told<Unit> {
     Told::assumed(symbol.parse().unwrap_or(Unit::BAR), why)
 }
 
-/// Puts the pressure sensors where the front that passes them says, and takes temperature and closing time from the record.
+/// Puts the pressure sensors where the front that passes them says, and takes temperature and closing time from the
+/// record.
 pub fn place(draft: &mut Draft, file: &SourceFile, source: &SourceOptions) {
     let alone = draft.sensors.iter().filter(|s| s.kind == SensorKind::Pressure).count() == 1;
     let found = match seen_from_valve(draft, file, source) {
@@ -260,7 +266,8 @@ fn take_temperature(draft: &mut Draft, degc: f64) {
     }
 }
 
-/// The unit of a flow that states none: that in which the first rise (Joukowsky) gives the speed at which the wave travels.
+/// The unit of a flow that states none: that in which the first rise (Joukowsky) gives the speed at which the wave
+/// travels.
 fn choose_flow_unit(draft: &mut Draft, found: &Features) {
     let speeds = (found.wave_speed.joukowsky, found.wave_speed.crossings);
     let (Some(rise), Some(travel)) = speeds else { return };
@@ -289,9 +296,11 @@ fn choose_flow_unit(draft: &mut Draft, found: &Features) {
 /// What the file of a rig shows that was made for it.
 #[derive(Debug)]
 pub struct Checked {
-    /// Where it contradicts the rig, a sentence each: most likely an answer was in another unit. An error where no closure can be seen in it.
+    /// Where it contradicts the rig, a sentence each: most likely an answer was in another unit. An error where no
+    /// closure can be seen in it.
     pub doubts: Result<Vec<String>, String>,
-    /// What to give of sensors whose readings cannot be what the file says, and of which nobody said what they stand for.
+    /// What to give of sensors whose readings cannot be what the file says, and of which nobody said what they stand
+    /// for.
     pub misread: Option<Misread>,
 }
 
@@ -324,8 +333,8 @@ pub struct Misread {
     pub says: String,
 }
 
-/// Pressures whose readings cannot be what the file says; of those that are `scaled` somebody said what they stand for. `recording` is what is
-/// [`used`](crate::signal::window::used) of one.
+/// Pressures whose readings cannot be what the file says; of those that are `scaled` somebody said what they stand for.
+/// `recording` is what is [`used`](crate::signal::window::used) of one.
 pub fn misread(recording: &Recording, faults: &[SensorFault], scaled: &[bool]) -> Option<Misread> {
     let rig = &recording.rig;
     let density = rig.fluid.properties(rig.fluid.temperature_degc).density_kg_m3;
@@ -363,8 +372,8 @@ pub fn misread(recording: &Recording, faults: &[SensorFault], scaled: &[bool]) -
     Some(Misread { sensor: name.clone(), unit: *unit, says: says.join("; ") })
 }
 
-/// The features of the file, the period that of the sensor that the front reaches first. A record without a steady beginning has no first front: the
-/// first rise in it may be any.
+/// The features of the file, the period that of the sensor that the front reaches first. A record without a steady
+/// beginning has no first front: the first rise in it may be any.
 fn seen_from_valve(draft: &Draft, file: &SourceFile, source: &SourceOptions) -> Result<Features, String> {
     let found = seen(draft, file, source)?;
     if let Some(lead_s) = found.short_lead_s(draft.length_m) {

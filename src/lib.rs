@@ -1,4 +1,5 @@
-//! surgescope records valve-closure (water-hammer) tests, models them, calibrates the model and shows which physics it lacks.
+//! surgescope records valve-closure (water-hammer) tests, models them, calibrates the model and shows which physics it
+//! lacks.
 //!
 //! The front door is [`Study`]: it opens recordings, calibrates models, diagnoses what they lack and grows them;
 //! [`UntilDone`](study::until_done::UntilDone) goes on until nothing is missing.

@@ -1,7 +1,7 @@
 //! Whether a request names this server.
 //!
-//! A page of another site can have its name point to this machine (rebinding), and then talk to a server here as if it were its own. The Host
-//! header tells: it is that name, and not the server's.
+//! A page of another site can have its name point to this machine (rebinding), and then talk to a server here as if it
+//! were its own. The Host header tells: it is that name, and not the server's.
 
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 

@@ -1,8 +1,8 @@
-//! A process of its own for the tasks of one thread of a runner: a task that takes too long can be ended, and one that ends its process takes no
-//! other with it.
+//! A process of its own for the tasks of one thread of a runner: a task that takes too long can be ended, and one that
+//! ends its process takes no other with it.
 //!
-//! The runner writes a task a line, as in `tasks.jsonl`, to the child's standard input. The child answers with a line on its standard output:
-//! `found SECONDS DOCUMENT` or `failed SECONDS "REASON"`.
+//! The runner writes a task a line, as in `tasks.jsonl`, to the child's standard input. The child answers with a line
+//! on its standard output: `found SECONDS DOCUMENT` or `failed SECONDS "REASON"`.
 
 use std::io::{BufRead, BufReader, Write};
 use std::panic::{AssertUnwindSafe, catch_unwind};

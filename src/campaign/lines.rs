@@ -1,6 +1,8 @@
-//! Lines that a reader can trust: each begins with the checksum of its rest, so that one cut off by a crash or a full disk is none.
+//! Lines that a reader can trust: each begins with the checksum of its rest, so that one cut off by a crash or a full
+//! disk is none.
 //!
-//! A line is a JSON object, `{"check":"1f3a…","task":…}`; `check` is the CRC-32 (as in zip files) of what follows it, in hexadecimal.
+//! A line is a JSON object, `{"check":"1f3a…","task":…}`; `check` is the CRC-32 (as in zip files) of what follows it,
+//! in hexadecimal.
 
 use std::fs::File;
 use std::io::{self, BufRead as _, BufReader, Read as _, Seek as _, SeekFrom};
@@ -11,7 +13,8 @@ const HEAD: &str = "{\"check\":\"";
 /// Digits of the checksum, the quotation mark and the comma.
 const CHECK: usize = 10;
 
-/// The line of an object that is written already, `{…}` with at least one entry and no line break; ends with a line break.
+/// The line of an object that is written already, `{…}` with at least one entry and no line break; ends with a line
+/// break.
 pub fn sealed(object: &str) -> String {
     let rest = &object[1..];
     format!("{HEAD}{:08x}\",{rest}\n", CRC.checksum(rest.as_bytes()))

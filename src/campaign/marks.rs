@@ -1,8 +1,8 @@
 //! The state of each task in one byte, and who works on it: a runner holds the lock of the byte while it does.
 //!
-//! The system gives a lock back when its process ends, however it ends, so no claim outlives a killed runner. Where a file system has no
-//! locks, all claims are granted: two runners may then do the same task, and find the same. The marks say nothing that the results do not: where
-//! the file is missing, it is made from them.
+//! The system gives a lock back when its process ends, however it ends, so no claim outlives a killed runner. Where a
+//! file system has no locks, all claims are granted: two runners may then do the same task, and find the same. The
+//! marks say nothing that the results do not: where the file is missing, it is made from them.
 
 use std::fs::{File, OpenOptions};
 use std::io;

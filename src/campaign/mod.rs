@@ -1,7 +1,8 @@
-//! A campaign: thousands of fits, diagnoses or simulations, planned once, run in shards by any engine, gathered in one table.
+//! A campaign: thousands of fits, diagnoses or simulations, planned once, run in shards by any engine, gathered in one
+//! table.
 //!
-//! Nothing in here schedules. A plan file becomes a folder with one task a line; a runner takes one shard of them, and any number of runners may
-//! work in one folder, on one machine or on many that share its file system:
+//! Nothing in here schedules. A plan file becomes a folder with one task a line; a runner takes one shard of them, and
+//! any number of runners may work in one folder, on one machine or on many that share its file system:
 //!
 //! | file of the folder | what it holds |
 //! | --- | --- |

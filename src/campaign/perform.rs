@@ -1,4 +1,5 @@
-//! One task, done: from its line to a document. It depends on nothing but the line and its inputs, neither on the machine nor on what ran before.
+//! One task, done: from its line to a document. It depends on nothing but the line and its inputs, neither on the
+//! machine nor on what ran before.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

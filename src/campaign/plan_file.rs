@@ -263,7 +263,8 @@ impl Source {
     /// What it says, and the kind of campaign.
     ///
     /// # Errors
-    /// What is no TOML, unknown keys and kinds (the nearest is named), keys that are of another kind, values of another type.
+    /// What is no TOML, unknown keys and kinds (the nearest is named), keys that are of another kind, values of another
+    /// type.
     pub fn plan(&self) -> Result<(PlanFile, Kind)> {
         let table = DeTable::parse(&self.text).map_err(|e| self.toml(&e))?;
         let table = table.get_ref();

@@ -1,5 +1,5 @@
-//! Which program found a result. A task's name holds what goes into it, but not the physics that the program had: a build of other sources may
-//! find other numbers.
+//! Which program found a result. A task's name holds what goes into it, but not the physics that the program had: a
+//! build of other sources may find other numbers.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -37,7 +37,8 @@ pub(crate) fn unnamed() -> String {
     "an older surgescope, which did not say which".to_owned()
 }
 
-/// The program of a file of results: one runner wrote it, so its first line speaks for all. None where no line is whole.
+/// The program of a file of results: one runner wrote it, so its first line speaks for all. None where no line is
+/// whole.
 fn program_of(file: &Path) -> Result<Option<String>> {
     let first = lines::first(file).map_err(CampaignError::io("read", file))?;
     Ok(first.and_then(|line| serde_json::from_str::<Found>(&line).ok()).map(|found| found.program))
@@ -59,7 +60,8 @@ pub fn others(folder: &Folder) -> Result<Vec<OtherProgram>> {
     Ok(found.into_iter().map(|(program, results)| OtherProgram { program, results }).collect())
 }
 
-/// Puts the results of other programs into a folder beside the rest, so that the next run does their tasks again; returns how many tasks.
+/// Puts the results of other programs into a folder beside the rest, so that the next run does their tasks again;
+/// returns how many tasks.
 ///
 /// # Errors
 /// Runners at work; files that cannot be read or moved.

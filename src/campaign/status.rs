@@ -85,7 +85,8 @@ pub fn status(folder: &Folder) -> Result<Status> {
     })
 }
 
-/// Why the tasks failed whose marks say so, in the order of their names. Of a task that failed before it was tried again, the last reason.
+/// Why the tasks failed whose marks say so, in the order of their names. Of a task that failed before it was tried
+/// again, the last reason.
 pub(crate) fn failures(folder: &Folder, marks: &[Mark]) -> Result<Vec<Failure>> {
     let mut found: BTreeMap<String, Failure> = BTreeMap::new();
     let names = folder.names()?;

@@ -1,7 +1,7 @@
 //! What a runner finds: appended to a file of its own, a line a task, so that no two runners ever write to one file.
 //!
-//! A line is written in one piece. A task is marked, and given back, once its line is on the disk: what is marked is there, whatever becomes of
-//! the machine. Disks are asked for that at most twice a second, for many tasks at once.
+//! A line is written in one piece. A task is marked, and given back, once its line is on the disk: what is marked is
+//! there, whatever becomes of the machine. Disks are asked for that at most twice a second, for many tasks at once.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write as _};

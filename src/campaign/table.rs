@@ -1,4 +1,5 @@
-//! All results of a campaign in one table: a row a task, sorted by its name, the same however and wherever the tasks were done.
+//! All results of a campaign in one table: a row a task, sorted by its name, the same however and wherever the tasks
+//! were done.
 
 use std::collections::{BTreeSet, HashMap};
 use std::path::PathBuf;

@@ -1,4 +1,5 @@
-//! A task: one fit, diagnosis or simulation. Its name is a hash of all that decides its result, so that equal tasks have equal names anywhere.
+//! A task: one fit, diagnosis or simulation. Its name is a hash of all that decides its result, so that equal tasks
+//! have equal names anywhere.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -10,7 +11,8 @@ use crate::campaign::checksum::hexadecimal;
 /// A line of `tasks.jsonl`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Task {
-    /// Its name: the first 64 bits of the SHA-256 of kind, effects, options, seed and the checksums of the inputs, as 16 hexadecimal digits.
+    /// Its name: the first 64 bits of the SHA-256 of kind, effects, options, seed and the checksums of the inputs, as
+    /// 16 hexadecimal digits.
     pub task: String,
     /// What people call the recordings or the rig.
     pub case: String,

@@ -1,5 +1,5 @@
-//! Two examples for the end of each command's help. They use the rigs and recordings that the project ships; where they need another file, the help
-//! has the commands that make it. A test runs them all as they stand.
+//! Two examples for the end of each command's help. They use the rigs and recordings that the project ships; where they
+//! need another file, the help has the commands that make it. A test runs them all as they stand.
 
 use clap::Command;
 

@@ -110,7 +110,8 @@ fn read_rigs(arguments: &[OsString]) -> Result<(), RigError> {
     Ok(())
 }
 
-/// Runs the command of the arguments, the program's name first, and returns the exit code. Help, and arguments that are refused, end the process.
+/// Runs the command of the arguments, the program's name first, and returns the exit code. Help, and arguments that are
+/// refused, end the process.
 pub fn run(arguments: &[OsString]) -> u8 {
     let parse = || command().try_get_matches_from(arguments).and_then(|matches| Cli::from_arg_matches(&matches));
     // A rig may have effects of its own: which, only the files that the command line names can say.

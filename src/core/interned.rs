@@ -1,4 +1,5 @@
-//! Texts that live as long as the program, such as names and units of the catalogue, read back from a serialised result.
+//! Texts that live as long as the program, such as names and units of the catalogue, read back from a serialised
+//! result.
 
 use std::collections::HashSet;
 use std::sync::{Mutex, PoisonError};

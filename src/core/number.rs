@@ -1,9 +1,11 @@
-//! How many digits a number deserves: every value that people read is written here, to its uncertainty where that is known.
+//! How many digits a number deserves: every value that people read is written here, to its uncertainty where that is
+//! known.
 
 /// A value with its standard error in the last digits, `395.1(4)` meaning 395.1 ± 0.4.
 ///
-/// The error gets one digit, or two where its leading digits are below 36, so that rounding never changes it by more than
-/// 15 % (the rule of the Particle Data Group). An infinite or unknown error says so; an error of zero stands for an exact value.
+/// The error gets one digit, or two where its leading digits are below 36, so that rounding never changes it by more
+/// than 15 % (the rule of the Particle Data Group). An infinite or unknown error says so; an error of zero stands for
+/// an exact value.
 pub fn with_error(value: f64, error: f64) -> String {
     if !value.is_finite() {
         return "not a number".into();
@@ -42,7 +44,8 @@ pub fn plus_minus(value: f64, error: f64) -> String {
     format!("{} ± {}", to_error(value, error), to_error(error, error))
 }
 
-/// A value to the digits that its error has, `0.4604` where it is known to 0.0003; to four where the error is not known.
+/// A value to the digits that its error has, `0.4604` where it is known to 0.0003; to four where the error is not
+/// known.
 pub fn to_error(value: f64, error: f64) -> String {
     if !value.is_finite() {
         return "–".into();
@@ -69,8 +72,8 @@ fn plain_with_error(value: f64, error: f64) -> String {
     format!("{value:.*}({:.0})", last_place.unsigned_abs() as usize, error / step)
 }
 
-/// An interval, `395.0 to 395.3`, to as many digits as its width needs; an infinite end is open, and nothing stands for no width and for an
-/// interval that is not known.
+/// An interval, `395.0 to 395.3`, to as many digits as its width needs; an infinite end is open, and nothing stands for
+/// no width and for an interval that is not known.
 pub fn interval((low, high): (f64, f64)) -> String {
     if low.is_nan() || high.is_nan() {
         return String::new();

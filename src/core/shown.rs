@@ -1,4 +1,5 @@
-//! Text from outside as it may be printed: names, notes and paths that control a terminal, or look like a line of the program, do not.
+//! Text from outside as it may be printed: names, notes and paths that control a terminal, or look like a line of the
+//! program, do not.
 
 pub mod options;
 
@@ -26,7 +27,8 @@ impl Shown for Path {
     }
 }
 
-/// A text as a cell of a CSV table: a spreadsheet runs what begins like a formula, so that gets an apostrophe. Numbers stay.
+/// A text as a cell of a CSV table: a spreadsheet runs what begins like a formula, so that gets an apostrophe. Numbers
+/// stay.
 pub fn cell(text: &str) -> Cow<'_, str> {
     let formula = text.starts_with(['=', '+', '-', '@', '\t', '\r']) && text.parse::<f64>().is_err();
     if formula { Cow::Owned(format!("'{text}")) } else { Cow::Borrowed(text) }

@@ -28,7 +28,8 @@ pub struct Unit {
     pub symbol: &'static str,
     /// What it measures.
     pub quantity: Quantity,
-    /// SI value = `factor` × displayed value + `offset`; NaN marks a metre of water, whose factor is ρg of the rig's water.
+    /// SI value = `factor` × displayed value + `offset`; NaN marks a metre of water, whose factor is ρg of the rig's
+    /// water.
     factor: f64,
     offset: f64,
 }

@@ -1,6 +1,8 @@
-//! Loops compiled several times: for every machine of the architecture, and for those with wider registers, chosen at run time.
+//! Loops compiled several times: for every machine of the architecture, and for those with wider registers, chosen at
+//! run time.
 
-/// From this many elements on the widest registers pay: shorter loops lose more to what does not fill one at their ends.
+/// From this many elements on the widest registers pay: shorter loops lose more to what does not fill one at their
+/// ends.
 pub(crate) const MANY: usize = 128;
 
 /// Whether the processor has AVX-512, with what compilers take for granted beside it.
@@ -10,8 +12,9 @@ pub(crate) fn has_avx512() -> bool {
     has!("avx512f") && has!("avx512bw") && has!("avx512cd") && has!("avx512dq") && has!("avx512vl")
 }
 
-/// Defines a function whose loops are also compiled for AVX2 and run so where the processor has it: its own, and those of functions that are
-/// always inlined into it. With `over COUNT`, the elements of its loops, also for AVX-512, which runs from [`MANY`] elements on.
+/// Defines a function whose loops are also compiled for AVX2 and run so where the processor has it: its own, and those
+/// of functions that are always inlined into it. With `over COUNT`, the elements of its loops, also for AVX-512, which
+/// runs from [`MANY`] elements on.
 ///
 /// The results are the same to the last bit: the wider registers hold more of the same operations, none are fused.
 macro_rules! widened {

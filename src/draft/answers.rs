@@ -196,7 +196,8 @@ pub fn no_pressure(file: &SourceFile, columns: Vec<String>) -> Amiss {
 }
 
 impl Answers {
-    /// The rig that the answers make of a file, or without one: what is not said and has a usual answer is assumed, with the reason.
+    /// The rig that the answers make of a file, or without one: what is not said and has a usual answer is assumed,
+    /// with the reason.
     ///
     /// # Errors
     /// See [`Amiss`].

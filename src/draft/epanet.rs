@@ -1,4 +1,5 @@
-//! EPANET's network files (`.inp`, Rossman 2000, EPANET 2 Users Manual, appendix C): sections of lines, read into nodes and links in SI.
+//! EPANET's network files (`.inp`, Rossman 2000, EPANET 2 Users Manual, appendix C): sections of lines, read into nodes
+//! and links in SI.
 
 use std::collections::HashMap;
 use std::fmt;
@@ -365,7 +366,8 @@ mod tests {
         assert_eq!(network.left_out, ["controls"]);
     }
 
-    /// 2 US gallons a minute at 1 psi: 2 · 6.309e-5 m³/s at 0.7034 m, of which √(2g h) is 3.714 m/s. A pattern counts with its first number.
+    /// 2 US gallons a minute at 1 psi: 2 · 6.309e-5 m³/s at 0.7034 m, of which √(2g h) is 3.714 m/s. A pattern counts
+    /// with its first number.
     #[test]
     fn emitters_are_openings_and_patterns_are_those_of_time_0() {
         let more = "[EMITTERS]\n 10 2\n[PATTERNS]\n 1 1.5 0.7\n 1 0.2\n h 0.9\n[OPTIONS]";

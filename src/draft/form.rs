@@ -1,6 +1,7 @@
 //! The questions about a rig as a form beside the table: each answer is a text, each remark stands beside its field.
 //!
-//! Nothing is taken in silence. What neither the file nor its reader can say is asked for; what has a usual answer is shown with its reason.
+//! Nothing is taken in silence. What neither the file nor its reader can say is asked for; what has a usual answer is
+//! shown with its reason.
 
 use serde::{Deserialize, Serialize};
 
@@ -119,7 +120,8 @@ pub struct Filled {
 }
 
 impl Form {
-    /// The rig that the form makes of a file that was read as its [`reading`](Reading::options) says. A rig without a name is `called`.
+    /// The rig that the form makes of a file that was read as its [`reading`](Reading::options) says. A rig without a
+    /// name is `called`.
     pub fn filled(&self, file: &SourceFile, called: &str) -> Filled {
         let mut remarks = Vec::new();
         let mut columns = self.said(file, &mut remarks);
@@ -342,7 +344,8 @@ fn bound_to(draft: &Draft, file: &SourceFile, answers: &Answers) -> SourceOption
     source
 }
 
-/// What nobody said, beside its field: what is open of the units, and what is taken of the rest. Fills in what was found of the columns.
+/// What nobody said, beside its field: what is open of the units, and what is taken of the rest. Fills in what was
+/// found of the columns.
 fn assumed(draft: &Draft, file: &SourceFile, has_head: bool, seen: &mut [Seen]) -> Vec<Remark> {
     let mut remarks = Vec::new();
     let because =

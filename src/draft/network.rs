@@ -61,7 +61,8 @@ pub fn draft(network: &Network, told: &Told) -> Result<Drafted, String> {
     let mut drawn_m3_s: Vec<f64> =
         nodes.iter().map(|n| if let NodeKind::Junction(drawn) = n.kind { drawn } else { 0.0 }).collect();
 
-    // Where pipes begin and end: at their nodes, or at the valve or pump that takes a node's place, before it or behind it.
+    // Where pipes begin and end: at their nodes, or at the valve or pump that takes a node's place, before it or behind
+    // it.
     let mut place: Vec<Option<(usize, bool)>> = vec![None; nodes.len()];
     for (i, link) in passed.iter().enumerate() {
         for (end, behind) in link.ends.into_iter().zip([false, true]) {
@@ -306,8 +307,8 @@ fn closing<'a>(network: &'a Network, named: Option<&str>) -> Result<Closing<'a>,
     }
 }
 
-/// Elevations of the nodes, m. Of a reservoir only the level is known: the pipe is taken to lead away from it level. The same holds for a node that no
-/// pipe is long enough to reach: pumps' ends often have no elevation in the file.
+/// Elevations of the nodes, m. Of a reservoir only the level is known: the pipe is taken to lead away from it level.
+/// The same holds for a node that no pipe is long enough to reach: pumps' ends often have no elevation in the file.
 fn heights(network: &Network, assumed: &mut Vec<String>) -> Vec<f64> {
     let Network { nodes, links, .. } = network;
     let mut own: Vec<Vec<(usize, f64)>> = vec![Vec::new(); nodes.len()];
@@ -358,7 +359,8 @@ fn no_emitter(node: &Node, stands: &str) -> Result<(), String> {
 enum Laid {
     /// From one node to the other.
     Whole([usize; 2]),
-    /// In halves, with a node of this kind in its middle: a check valve, or a junction where both ends want the same direction.
+    /// In halves, with a node of this kind in its middle: a check valve, or a junction where both ends want the same
+    /// direction.
     Halves(&'static str),
 }
 
@@ -449,7 +451,8 @@ mod tests {
         assert!(matches!(&valve.kind, rig::NodeKind::Opening(o) if (o.cda_m2 - area_m2 / 10f64.sqrt()).abs() < 1e-9));
     }
 
-    /// A check valve stands in the middle of its pipe, a minor loss is spread along it, a demand at a valve moves on, an emitter is an opening.
+    /// A check valve stands in the middle of its pipe, a minor loss is spread along it, a demand at a valve moves on,
+    /// an emitter is an opening.
     #[test]
     fn check_valves_minor_losses_emitters_and_demands_at_valves_are_taken() {
         let text = NETWORK

@@ -1,4 +1,5 @@
-//! How a file is to be read: what a person writes of its text and times, and what to ask where the file does not say it.
+//! How a file is to be read: what a person writes of its text and times, and what to ask where the file does not say
+//! it.
 
 use serde::Deserialize;
 
@@ -72,7 +73,8 @@ impl Reading {
         fields_in(&error.to_string()).into_iter().map(needed).collect()
     }
 
-    /// What the reader of a file guessed of its times is asked for; what it took else, and names a field for, stands beside that field.
+    /// What the reader of a file guessed of its times is asked for; what it took else, and names a field for, stands
+    /// beside that field.
     pub fn asked(&self, repairs: &[Repair]) -> Vec<Remark> {
         let open = [("time-unit", "time_unit", &self.time_unit), ("date-order", "date_order", &self.date_order)];
         let guess = |what: &str| repairs.iter().find(|repair| repair.guessed && repair.what == what);

@@ -1,7 +1,7 @@
 //! Who may come in: requests that name this server, and pages only of known origins.
 //!
-//! A browser lets the pages of every site open a WebSocket to this machine, and says whose page it is in the Origin header. Programs that are no
-//! browser send none.
+//! A browser lets the pages of every site open a WebSocket to this machine, and says whose page it is in the Origin
+//! header. Programs that are no browser send none.
 
 use std::net::SocketAddr;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -32,7 +32,8 @@ use crate::live::watcher::Watcher;
 use crate::own_host::{is_own_host, is_this_machine};
 use crate::record::session::feed::{Place, Watched};
 
-/// Pages that may watch beside those of this machine: Foxglove's web application, and the desktop applications, whose page is a file.
+/// Pages that may watch beside those of this machine: Foxglove's web application, and the desktop applications, whose
+/// page is a file.
 pub const USUAL_ORIGINS: [&str; 2] = ["https://app.foxglove.dev", "file://"];
 
 /// Most connections at a time.

@@ -1,8 +1,8 @@
-//! What is recorded, over Foxglove's WebSocket protocol while it is: the channels, schemas and messages of the file, for Foxglove, Lichtblick and
-//! scripts. Nobody can do anything here but watch.
+//! What is recorded, over Foxglove's WebSocket protocol while it is: the channels, schemas and messages of the file,
+//! for Foxglove, Lichtblick and scripts. Nobody can do anything here but watch.
 //!
-//! Foxglove's own crate is not used: it checks no Origin, and the only way to check it in front of it, a second port on this machine, would be
-//! open to every page itself. Nor does it count what it drops.
+//! Foxglove's own crate is not used: it checks no Origin, and the only way to check it in front of it, a second port on
+//! this machine, would be open to every page itself. Nor does it count what it drops.
 
 mod door;
 mod protocol;
@@ -31,8 +31,9 @@ pub struct Server {
 }
 
 impl Server {
-    /// Serves what is recorded of a rig at `place`; `csv` is how the time series was written, where it was imported. Pages of `origins` may watch beside [`USUAL_ORIGINS`] and those of this machine; `tell` hears
-    /// once of each other origin that was refused.
+    /// Serves what is recorded of a rig at `place`; `csv` is how the time series was written, where it was imported.
+    /// Pages of `origins` may watch beside [`USUAL_ORIGINS`] and those of this machine; `tell` hears once of each other
+    /// origin that was refused.
     ///
     /// # Errors
     /// An address that is not this machine's, a port that is taken.
@@ -66,7 +67,8 @@ impl Server {
         self.address
     }
 
-    /// To be called when the feed has ended. Those who keep up get the rest first; others are not waited for longer than two seconds.
+    /// To be called when the feed has ended. Those who keep up get the rest first; others are not waited for longer
+    /// than two seconds.
     pub fn finish(self) -> Watched {
         let _ = self.ending.send(true);
         self.thread.join().unwrap_or_default()

@@ -1,4 +1,5 @@
-//! The messages of Foxglove's protocol that a server needs which only shows: <https://github.com/foxglove/ws-protocol/blob/main/docs/spec.md>.
+//! The messages of Foxglove's protocol that a server needs which only shows:
+//! <https://github.com/foxglove/ws-protocol/blob/main/docs/spec.md>.
 
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -15,7 +16,8 @@ use crate::storage::layout::{offset_ns, to_ns};
 use crate::storage::schema::{self, Block, Kind, Sample};
 use crate::storage::sink::{metadata_of, program};
 
-/// Names of the protocol, the one that is preferred first. They differ in nothing that is used here; older clients know only the second.
+/// Names of the protocol, the one that is preferred first. They differ in nothing that is used here; older clients know
+/// only the second.
 pub(crate) const SUBPROTOCOLS: [&str; 2] = ["foxglove.sdk.v1", "foxglove.websocket.v1"];
 
 /// What a message of samples begins with.
@@ -117,7 +119,8 @@ pub(crate) fn status(level: Level, message: &str) -> String {
     json!({ "op": "status", "level": level as u8, "message": message }).to_string()
 }
 
-/// The messages of an event for a subscription, as they stand in the file; times of the event count from `zero_unix_ns`.
+/// The messages of an event for a subscription, as they stand in the file; times of the event count from
+/// `zero_unix_ns`.
 pub(crate) fn messages(event: &Event, subscription: u32, zero_unix_ns: u64) -> Vec<Vec<u8>> {
     let message = |ns: i64, data: &dyn Fn(&mut Vec<u8>)| {
         let mut bytes = vec![MESSAGE_DATA];

@@ -1,4 +1,5 @@
-//! One client. It gets what it asked for as fast as it reads; what it does not read in time it does not get, and that is counted.
+//! One client. It gets what it asked for as fast as it reads; what it does not read in time it does not get, and that
+//! is counted.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -53,7 +54,8 @@ impl Watcher {
         Watcher { socket, catalogue, packets, totals: vec![0; channels], subscribed, dropped: 0 }
     }
 
-    /// Serves the client until it leaves or the feed ends, and no longer than until `over`. Returns how many samples it did not get.
+    /// Serves the client until it leaves or the feed ends, and no longer than until `over`. Returns how many samples it
+    /// did not get.
     pub(crate) async fn serve(mut self, over: impl Future<Output = ()>) -> u64 {
         let left = tokio::select! {
             left = self.run() => left,
@@ -181,7 +183,8 @@ impl Watcher {
         timeout(STALLED, self.socket.send(text.into())).await.unwrap_or_else(|late| Err(axum::Error::new(late)))
     }
 
-    /// Says that the recording is over, and waits for the client to have heard it: a socket that is closed before loses what is on its way.
+    /// Says that the recording is over, and waits for the client to have heard it: a socket that is closed before loses
+    /// what is on its way.
     async fn part(&mut self) {
         let frame = CloseFrame { code: close_code::AWAY, reason: "the recording is over".into() };
         if self.socket.send(Message::Close(Some(frame))).await.is_ok() {

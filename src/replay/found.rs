@@ -1,7 +1,7 @@
 //! The quantities of a recording as they are now, each with the tolerance that it deserves.
 //!
-//! A run of the same samples through the same code gives the same numbers, so a tolerance is for changed code: a change that
-//! stays within what the recording's own noise would do is none, one beyond it wants a look.
+//! A run of the same samples through the same code gives the same numbers, so a tolerance is for changed code: a change
+//! that stays within what the recording's own noise would do is none, one beyond it wants a look.
 
 use crate::fit::outcome::fit::{Fit, FittedParameter, RunFit};
 use crate::replay::quantity;

@@ -1,7 +1,7 @@
 //! Results kept beside recordings, and whether they still hold: `surgescope replay`.
 //!
-//! Beside `NAME.mcap` stands `NAME.expected.toml`: for each quantity that `inspect` and `calibrate` give for it, a value and how
-//! far it may move. A person can read and edit it.
+//! Beside `NAME.mcap` stands `NAME.expected.toml`: for each quantity that `inspect` and `calibrate` give for it, a
+//! value and how far it may move. A person can read and edit it.
 //!
 //! ```toml
 //! effects = "viscoelastic-wall:3"   # what to calibrate with; without this line the recording is only inspected

@@ -1,7 +1,7 @@
 //! What a person, or a script, sees of a calibration: terminal tables, one JSON document, one self-contained HTML page.
 //!
-//! The loop of the program is to fit a model, see where it fails, add an effect and fit again. A report therefore shows a
-//! list of [`Stage`]s, the start model first, and lets the error of each be compared with the noise of the recording.
+//! The loop of the program is to fit a model, see where it fails, add an effect and fit again. A report therefore shows
+//! a list of [`Stage`]s, the start model first, and lets the error of each be compared with the noise of the recording.
 //!
 //! | folder | what it makes |
 //! | --- | --- |
@@ -70,7 +70,8 @@ pub fn title(effects: &[Chosen]) -> String {
     }
 }
 
-/// The title of a page on recordings of a rig: `mine.mcap on hdpe-creep`. A rig that is called nothing but rig says no more than its recordings.
+/// The title of a page on recordings of a rig: `mine.mcap on hdpe-creep`. A rig that is called nothing but rig says no
+/// more than its recordings.
 pub fn page_title(files: &[&str], rig: &Rig) -> String {
     let files = files.join(", ");
     if rig.name.eq_ignore_ascii_case("rig") { files } else { format!("{files} on {}", rig.name) }

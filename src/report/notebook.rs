@@ -1,4 +1,5 @@
-//! Results as pieces of a page, for a notebook that shows them in a cell: still pictures, and a style that reaches nothing else.
+//! Results as pieces of a page, for a notebook that shows them in a cell: still pictures, and a style that reaches
+//! nothing else.
 
 use crate::diagnose::Diagnosis;
 use crate::fit::outcome::fit::Fit;
@@ -19,9 +20,10 @@ use crate::rig::{Sensor, SensorKind};
 /// Stretches of a trace that are drawn.
 const DRAWN: usize = 420;
 
-/// The style of a piece. Its rules have the weight of an id, so that those of a notebook for all tables and headings do not mix with them (a row
-/// may be dark in one and its text, too, in the other). The colours are those of the notebook where it says whether it is dark (JupyterLab, VS
-/// Code, Colab, marimo and Sphinx do), else those of the reader's system.
+/// The style of a piece. Its rules have the weight of an id, so that those of a notebook for all tables and headings do
+/// not mix with them (a row may be dark in one and its text, too, in the other). The colours are those of the notebook
+/// where it says whether it is dark (JupyterLab, VS Code, Colab, marimo and Sphinx do), else those of the reader's
+/// system.
 const STYLE: &str = concat!(
     ":is(.surgescope, #surgescope) {\n:where(:not(svg, svg *)) { all: revert; }\n& {\n",
     include_str!("html/assets/light.css"),

@@ -1,5 +1,5 @@
-//! One self-contained HTML page of a calibration, a prediction, or a diagnosis: no network, light and dark, readable in print and without
-//! scripts.
+//! One self-contained HTML page of a calibration, a prediction, or a diagnosis: no network, light and dark, readable in
+//! print and without scripts.
 
 use std::fmt::Write;
 

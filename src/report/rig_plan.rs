@@ -1,5 +1,5 @@
-//! Where the parts of a rig are drawn: at the places that the file gives its nodes, or else the way from the supply to the valve as a straight line,
-//! with what branches off it in rows above and below.
+//! Where the parts of a rig are drawn: at the places that the file gives its nodes, or else the way from the supply to
+//! the valve as a straight line, with what branches off it in rows above and below.
 
 use crate::extent::ends;
 use crate::rig::{Graph, Place, Rig};
@@ -155,7 +155,8 @@ impl<'a> Rows<'a> {
         rows
     }
 
-    /// The first row in which a stretch is free: its own, if there is one that it goes on in, then those next to the way.
+    /// The first row in which a stretch is free: its own, if there is one that it goes on in, then those next to the
+    /// way.
     fn free(&mut self, own: f64, [from_m, to_m]: Point) -> i32 {
         let free = |row: &i32, beside_m: f64| {
             let mut in_row = self.taken.iter().filter(|(taken, _)| taken == row);

@@ -1,7 +1,7 @@
 //! A fit record as a file: `calibrate -o FIT.toml` or `FIT.json`. The keys are the same in both.
 //!
-//! This is a result: it says all about one fit and is written once. The models that a person edits, and goes on from, are in
-//! another file (`calibrate --save MODEL.toml`).
+//! This is a result: it says all about one fit and is written once. The models that a person edits, and goes on from,
+//! are in another file (`calibrate --save MODEL.toml`).
 
 use std::path::Path;
 

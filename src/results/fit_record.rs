@@ -1,8 +1,9 @@
-//! One fit as a record: what a fit file (`calibrate -o`), `calibrate --json` and, of its parameters, every other document hold.
+//! One fit as a record: what a fit file (`calibrate -o`), `calibrate --json` and, of its parameters, every other
+//! document hold.
 //!
-//! One rule for what is not known: a number that is not known is `null` in JSON; in TOML it is left out, or `nan` and `inf` within a list.
-//! What does not exist at all, such as the run of a shared parameter, is left out of both. Keys are part of the program's contract: they may be
-//! added, never renamed.
+//! One rule for what is not known: a number that is not known is `null` in JSON; in TOML it is left out, or `nan` and
+//! `inf` within a list. What does not exist at all, such as the run of a shared parameter, is left out of both. Keys
+//! are part of the program's contract: they may be added, never renamed.
 
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -139,17 +140,20 @@ pub struct Parameter {
     /// Value in `unit`.
     #[serde(deserialize_with = "number_or_null")]
     pub value: f64,
-    /// Standard error in `unit`; not known where the data do not determine it, at a bound, or where the fit ended at no optimum; 0 where it was held.
+    /// Standard error in `unit`; not known where the data do not determine it, at a bound, or where the fit ended at no
+    /// optimum; 0 where it was held.
     #[serde(default)]
     pub standard_error: Option<f64>,
-    /// 95% interval in `unit`, by its profile or a converged posterior where there is one; an end that the data leave open is infinite. Neither end is a number
-    /// where the fit ended at no optimum.
+    /// 95% interval in `unit`, by its profile or a converged posterior where there is one; an end that the data leave
+    /// open is infinite. Neither end is a number where the fit ended at no optimum.
     #[serde(default = "no_interval", deserialize_with = "interval_or_null")]
     pub interval_95: [f64; 2],
-    /// What the rig file's tolerances add, the same for every run of the rig: a standard deviation in `unit`; left out where they do not reach it.
+    /// What the rig file's tolerances add, the same for every run of the rig: a standard deviation in `unit`; left out
+    /// where they do not reach it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rig_error: Option<f64>,
-    /// Value and rise of the sum of squares (3.84 is the threshold) along the parameter, others following; left out where it was not asked for.
+    /// Value and rise of the sum of squares (3.84 is the threshold) along the parameter, others following; left out
+    /// where it was not asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub profile: Option<Vec<(f64, f64)>>,
     /// What sampling shows of it; left out where the posterior was not asked for.
@@ -175,8 +179,8 @@ pub struct Parameter {
     /// What was known before the fit; left out where nothing was.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub prior: Option<Known>,
-    /// Correlation of its error with that of each parameter, in the order of `parameters`; not a number beside what is held or at a bound.
-    /// Left out of documents that list parameters of several models.
+    /// Correlation of its error with that of each parameter, in the order of `parameters`; not a number beside what is
+    /// held or at a bound. Left out of documents that list parameters of several models.
     #[serde(default, skip_serializing_if = "Vec::is_empty", deserialize_with = "numbers_or_null")]
     pub correlation: Vec<f64>,
 }
@@ -221,7 +225,8 @@ pub struct Marginal {
 pub struct Known {
     /// Where it is most likely, in the parameter's unit.
     pub mean: f64,
-    /// Standard deviation: of the natural logarithm (so: relative) where `scale` is `log`, otherwise in the parameter's unit.
+    /// Standard deviation: of the natural logarithm (so: relative) where `scale` is `log`, otherwise in the parameter's
+    /// unit.
     pub sd: f64,
 }
 

@@ -1,9 +1,11 @@
 //! The models of a rig's runs, one after the other, in a file that people may edit: `MODEL.toml`.
 //!
-//! It is to be worked with. A result that is written once and says all about one fit is another file (`calibrate -o FIT.toml`).
+//! It is to be worked with. A result that is written once and says all about one fit is another file
+//! (`calibrate -o FIT.toml`).
 //!
-//! Every model that was fitted stays in it, with what it was fitted to, how well it did, and why it was made. One of them is in force;
-//! a step back puts the one in force that it grew out of. A value may be held, or its bounds moved, with an editor.
+//! Every model that was fitted stays in it, with what it was fitted to, how well it did, and why it was made. One of
+//! them is in force; a step back puts the one in force that it grew out of. A value may be held, or its bounds moved,
+//! with an editor.
 
 use std::path::{Path, PathBuf};
 
@@ -79,7 +81,8 @@ pub struct Entry {
     /// Evidence for it over the model that it grew out of, natural logarithm of odds.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub evidence: Option<f64>,
-    /// Features that a stepwise calibration had still to use when it was stopped, by name; one that is taken out is not used.
+    /// Features that a stepwise calibration had still to use when it was stopped, by name; one that is taken out is not
+    /// used.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub features_left: Vec<String>,
     /// Correlations of the errors of the parameters that runs share, in their order; 0 where they are not known.
@@ -238,8 +241,8 @@ impl ModelFile {
         self.in_force = self.models.len();
     }
 
-    /// This file's own models behind those that another process has added to it, where it did nothing else: `read` is the file as it was read,
-    /// none where there was none, `there` as it is now.
+    /// This file's own models behind those that another process has added to it, where it did nothing else: `read` is
+    /// the file as it was read, none where there was none, `there` as it is now.
     pub fn behind(&self, there: &ModelFile, read: Option<&ModelFile>) -> Option<ModelFile> {
         let known = read.map_or(0, |file| file.models.len());
         let unchanged = |models: &[Entry]| models.get(..known) == read.map(|file| &file.models[..]).or(Some(&[]));
@@ -262,8 +265,8 @@ impl ModelFile {
         self.models.iter().rposition(|m| m.grown_from == Some(self.in_force)).map(|i| i + 1)
     }
 
-    /// The nearest model that the one in force grew out of and that is the same but for an effect, named by its label or its name; none where
-    /// there is no such model, or where values have been held or bounded since.
+    /// The nearest model that the one in force grew out of and that is the same but for an effect, named by its label
+    /// or its name; none where there is no such model, or where values have been held or bounded since.
     pub fn before(&self, effect: &str) -> Option<usize> {
         let now = self.current();
         let is_it = |label: &String| label == effect || label.split([':', '@']).next() == Some(effect);

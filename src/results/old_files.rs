@@ -1,7 +1,8 @@
-//! Files that an earlier version wrote, kept in `tests/fixtures/results`, stay readable: fits (TOML, JSON), models, an index.
+//! Files that an earlier version wrote, kept in `tests/fixtures/results`, stay readable: fits (TOML, JSON), models, an
+//! index.
 //!
-//! They were made from `recordings/copper-leak.mcap`: `calibrate -o` with a held value and with a profile, `calibrate --save` then `add`,
-//! `watch --once` then `accept`.
+//! They were made from `recordings/copper-leak.mcap`: `calibrate -o` with a held value and with a profile,
+//! `calibrate --save` then `add`, `watch --once` then `accept`.
 
 use std::path::{Path, PathBuf};
 

@@ -1,6 +1,8 @@
-//! Columns of numbers and texts as Parquet, the least of the format: one row group, one plain page a column, nothing compressed.
+//! Columns of numbers and texts as Parquet, the least of the format: one row group, one plain page a column, nothing
+//! compressed.
 //!
-//! See `parquet.thrift` of apache/parquet-format; headers are in Thrift's compact protocol. What is no number is stored as such.
+//! See `parquet.thrift` of apache/parquet-format; headers are in Thrift's compact protocol. What is no number is stored
+//! as such.
 
 const MAGIC: &[u8] = b"PAR1";
 

@@ -93,8 +93,8 @@ pub struct Table {
     pub rows: Vec<Vec<String>>,
 }
 
-/// A row for each run of each fit, with the parameters that hold for it, their standard errors and intervals. `fits` come with the name of
-/// their files. A column is empty where a fit has no such parameter.
+/// A row for each run of each fit, with the parameters that hold for it, their standard errors and intervals. `fits`
+/// come with the name of their files. A column is empty where a fit has no such parameter.
 pub fn wide(fits: &[(String, FitRecord)]) -> Table {
     let mut names: Vec<&str> = Vec::new();
     for parameter in fits.iter().flat_map(|(_, fit)| &fit.parameters) {
@@ -136,7 +136,8 @@ pub fn wide(fits: &[(String, FitRecord)]) -> Table {
     Table { columns, rows }
 }
 
-/// A row for each parameter of each fit; `file` lists the fit's recordings, `run` is that of a parameter which they do not share.
+/// A row for each parameter of each fit; `file` lists the fit's recordings, `run` is that of a parameter which they do
+/// not share.
 pub fn long(fits: &[(String, FitRecord)]) -> Table {
     let row = |name: &str, fit: &FitRecord, p: &Parameter| {
         vec![

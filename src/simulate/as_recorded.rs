@@ -43,8 +43,8 @@ pub enum AsRecordedError {
     Model(#[from] ModelError),
 }
 
-/// Simulates `runs` with `effects` at the `given` values, the first that concerns a parameter counting; at `places`, or else at every sample
-/// from shortly before the closure.
+/// Simulates `runs` with `effects` at the `given` values, the first that concerns a parameter counting; at `places`, or
+/// else at every sample from shortly before the closure.
 ///
 /// # Errors
 /// Values of parameters that the model does not have, a model that cannot be simulated.

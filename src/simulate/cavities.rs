@@ -7,7 +7,8 @@ use crate::rig::Coupling;
 use crate::simulate::scenario::Scenario;
 use crate::units::GRAVITY_M_S2;
 
-/// A sentence for each pressure sensor whose `traces`, as the scenario gives them, fall below vapour pressure although its water cannot boil.
+/// A sentence for each pressure sensor whose `traces`, as the scenario gives them, fall below vapour pressure although
+/// its water cannot boil.
 pub fn unmodelled(scenario: &Scenario, traces: &[Trace]) -> Vec<String> {
     if boils(&scenario.effects) {
         return Vec::new();

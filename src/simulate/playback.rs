@@ -27,7 +27,8 @@ pub(crate) const MOST_VALUES: f64 = 2e8;
 /// Seed of the noise where none is given: a demonstration should be one that can be repeated.
 pub const USUAL_SEED: u64 = 1;
 
-/// Plays a model run on a device: pressures with a little noise of this `seed`, flow, temperature, valve position and trigger.
+/// Plays a model run on a device: pressures with a little noise of this `seed`, flow, temperature, valve position and
+/// trigger.
 ///
 /// # Errors
 /// A model that cannot be simulated, a sensor the device cannot carry.
@@ -54,8 +55,8 @@ pub fn of_scenario(scenario: &Scenario, device: &Device, timing: &Timing, seed: 
     playback(period_ns, sensors)
 }
 
-/// Plays a recording on a device, its sensors found by name: each channel shows the latest sample at every tick of the most
-/// often sampled one.
+/// Plays a recording on a device, its sensors found by name: each channel shows the latest sample at every tick of the
+/// most often sampled one.
 ///
 /// # Errors
 /// A sensor of the device that the recording lacks.

@@ -6,8 +6,8 @@ use crate::model::trace::{Probe, Trace};
 use crate::rig::SensorKind;
 use crate::simulate::scenario::Scenario;
 
-/// A row of values for each of these sensors of the rig; times are after the start of the closure, s, up to `after_s`. `pressures` are the traces that
-/// the scenario gives until then.
+/// A row of values for each of these sensors of the rig; times are after the start of the closure, s, up to `after_s`.
+/// `pressures` are the traces that the scenario gives until then.
 ///
 /// # Errors
 /// A model that cannot be simulated.

@@ -165,7 +165,8 @@ impl Scenario {
         shared.chain(model.per_run.iter().zip(run).map(|(p, v)| named(p, v))).collect()
     }
 
-    /// Values that were used without being set: parameters, friction factors at the initial flow, with `friction_scale` in them, and the grid.
+    /// Values that were used without being set: parameters, friction factors at the initial flow, with `friction_scale`
+    /// in them, and the grid.
     pub fn not_set(&self, settings: &[(String, f64)]) -> Vec<(String, f64)> {
         let set = |name: &str| {
             let group = name.split('[').next().unwrap_or(name);
@@ -244,7 +245,8 @@ impl Scenario {
     }
 }
 
-/// Values of one name that differ by what stands in brackets: one where they are alike, the least and the largest of many.
+/// Values of one name that differ by what stands in brackets: one where they are alike, the least and the largest of
+/// many.
 fn in_short(used: &[(String, f64)]) -> Vec<(String, f64)> {
     let group = |(name, _): &(String, f64)| name.split('[').next().unwrap_or(name).to_owned();
     let mut short = Vec::new();

@@ -1,4 +1,5 @@
-//! A scenario as a laboratory would have recorded it: noise, resolution, steady seconds before the closure. No device is needed.
+//! A scenario as a laboratory would have recorded it: noise, resolution, steady seconds before the closure. No device
+//! is needed.
 
 use std::error::Error;
 

@@ -16,7 +16,8 @@ use crate::simulate::wiring::wired;
 /// Steady time before the closure of a simulated test, s.
 pub const LEAD_S: f64 = 1.0;
 
-/// Records a simulated test, each device sending through a pseudo-terminal: until `stop`, telling where it stands and what to look out for.
+/// Records a simulated test, each device sending through a pseudo-terminal: until `stop`, telling where it stands and
+/// what to look out for.
 ///
 /// # Errors
 /// A model that cannot be simulated, and as [`record_playbacks`].

@@ -59,8 +59,8 @@ impl Points {
         self.value.push(value);
     }
 
-    /// The samples of a block, whose times follow from its period; a value that is no number is returned, and nothing is taken then. A long
-    /// recording has many: these are plain loops.
+    /// The samples of a block, whose times follow from its period; a value that is no number is returned, and nothing
+    /// is taken then. A long recording has many: these are plain loops.
     fn push_block(&mut self, log_time: u64, period_ns: f64, values: &[u8]) -> Option<f64> {
         let (before, count) = (self.value.len(), values.len() / 8);
         self.value.reserve(count);
@@ -207,8 +207,8 @@ impl Assembler {
         Ok(())
     }
 
-    /// The recording. Two samples of a sensor at one time are an error, unless `repeats` takes the message about the second,
-    /// which is then left out.
+    /// The recording. Two samples of a sensor at one time are an error, unless `repeats` takes the message about the
+    /// second, which is then left out.
     pub fn assemble(self, path: &Path, mut repeats: Option<&mut Vec<String>>) -> Result<Recording, LogError> {
         let damaged = |why| LogError::Damaged { path: path.into(), why };
         let not_ours = |why: &str| LogError::NotOurs { path: path.into(), why: why.into() };

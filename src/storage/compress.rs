@@ -141,8 +141,8 @@ impl Retimed<'_> {
 }
 
 impl Moving {
-    /// What becomes of a message logged at a time, when it is then, ns, and how many samples and gaps are left out of it; `None` where it
-    /// cannot be understood.
+    /// What becomes of a message logged at a time, when it is then, ns, and how many samples and gaps are left out of
+    /// it; `None` where it cannot be understood.
     fn message(&self, logged_ns: i64, data: &[u8]) -> Option<(Moved, i64, (u64, u64))> {
         let (from_ns, to_ns) = self.window_ns;
         let time_ns = self.clock.time_ns(logged_ns);

@@ -67,8 +67,8 @@ pub fn require_folder(path: &Path) -> Result<(), LogError> {
     if folder.is_dir() { Ok(()) } else { Err(LogError::NoFolder(folder)) }
 }
 
-/// A temporary file in the folder of `path`, so that a rename puts it there in one step. What a killed run for the same `path` has left is
-/// removed first.
+/// A temporary file in the folder of `path`, so that a rename puts it there in one step. What a killed run for the same
+/// `path` has left is removed first.
 pub fn temporary_beside(path: &Path) -> Result<NamedTempFile, LogError> {
     require_folder(path)?;
     let prefix = temporary_prefix(path);
@@ -116,8 +116,8 @@ fn remove_orphans(folder: &Path, prefix: &str) {
     }
 }
 
-/// Runs `work` while no other process runs any under the lock of the same folder. A folder cannot be locked everywhere (some network shares,
-/// other systems than Unix); there `work` runs all the same.
+/// Runs `work` while no other process runs any under the lock of the same folder. A folder cannot be locked everywhere
+/// (some network shares, other systems than Unix); there `work` runs all the same.
 pub fn alone_in_folder<T>(path: &Path, work: impl FnOnce() -> T) -> T {
     let lock = File::open(folder(path)).ok().filter(|folder| folder.lock().is_ok());
     let done = work();

@@ -1,4 +1,5 @@
-//! An end for a live file that cannot be finished, as on a full disk: cut to its last whole record and closed where it stands.
+//! An end for a live file that cannot be finished, as on a full disk: cut to its last whole record and closed where it
+//! stands.
 
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom, Write};
@@ -11,8 +12,8 @@ const HEAD: u64 = 9;
 /// How many records are given up, one by one, for the few bytes of an end.
 const MOST_GIVEN_UP: usize = 64;
 
-/// Closes a live file in place; returns how many bytes of it were cut away. It is then read as any other, though it is neither
-/// compressed nor indexed.
+/// Closes a live file in place; returns how many bytes of it were cut away. It is then read as any other, though it is
+/// neither compressed nor indexed.
 pub fn end_in_place(file: &mut File) -> io::Result<u64> {
     let length = file.seek(SeekFrom::End(0))?;
     let mut boundaries = boundaries(file, length)?;

@@ -9,9 +9,9 @@ use crate::recording::{CsvFormat, Recording};
 use crate::storage::disk;
 use crate::storage::error::LogError;
 
-/// Writes a recording as CSV: `time_s`, then a column a sensor in its unit; a line for each time at which any sensor has
-/// a sample. Numbers keep every digit; those of an imported series are written as they were. Gaps leave no mark in a
-/// CSV but the lines that are not there.
+/// Writes a recording as CSV: `time_s`, then a column a sensor in its unit; a line for each time at which any sensor
+/// has a sample. Numbers keep every digit; those of an imported series are written as they were. Gaps leave no mark in
+/// a CSV but the lines that are not there.
 ///
 /// # Errors
 /// Those of `out`.

@@ -2,11 +2,12 @@
 //!
 //! - **Attachment** `rig.toml`: the rig file's text, unchanged.
 //! - **Metadata** `surgescope.run`: `format`, `start_unix_ns`, `time_zero_ns` (log time of recording time 0),
-//!   `program`, `source`, `time_decimals`, and a check sum, for MCAP gives metadata none; `surgescope.note`: one record a note, with `key` and `value`.
-//!   In a file that is not finished, `surgescope.clocks` ([`ClockFix`](crate::storage::ClockFix)).
-//! - **Channels**: `/P1` of [`schema::Sample`](crate::storage::schema::Sample) for each sensor up to [`BLOCK_ABOVE_HZ`],
-//!   `/P1/blocks` above it, `/P1/gaps` where samples are known to be lost. Their metadata carry the sensor's name,
-//!   kind, unit and position, and how its column of an imported time series was written.
+//!   `program`, `source`, `time_decimals`, and a check sum, for MCAP gives metadata none; `surgescope.note`: one record
+//!   a note, with `key` and `value`. In a file that is not finished, `surgescope.clocks`
+//!   ([`ClockFix`](crate::storage::ClockFix)).
+//! - **Channels**: `/P1` of [`schema::Sample`](crate::storage::schema::Sample) for each sensor up to
+//!   [`BLOCK_ABOVE_HZ`], `/P1/blocks` above it, `/P1/gaps` where samples are known to be lost. Their metadata carry the
+//!   sensor's name, kind, unit and position, and how its column of an imported time series was written.
 //! - **Times**: log time = `time_zero_ns` + recording time in whole nanoseconds. A time between two nanoseconds is
 //!   kept as a number in the message as well.
 
@@ -55,7 +56,8 @@ pub(crate) fn check_sum(entries: &BTreeMap<String, String>) -> String {
     format!("{crc:08x}")
 }
 
-/// Log time of recording time 0 while a test runs: its start, or, where that is not known, a day after 1970 began: room for times before 0.
+/// Log time of recording time 0 while a test runs: its start, or, where that is not known, a day after 1970 began: room
+/// for times before 0.
 pub(crate) fn live_zero_ns(start_unix_ns: u64) -> u64 {
     if start_unix_ns > 0 { start_unix_ns } else { 86_400_000_000_000 }
 }
@@ -72,7 +74,8 @@ pub(crate) fn to_s(ns: i64) -> f64 {
     ns as f64 / 1e9
 }
 
-/// How samples that come together are written while a test runs: as a block above [`BLOCK_ABOVE_HZ`], else each as a message.
+/// How samples that come together are written while a test runs: as a block above [`BLOCK_ABOVE_HZ`], else each as a
+/// message.
 pub fn kind_of(count: usize, period_ns: f64) -> Kind {
     if count > 1 && period_ns < 1e9 / BLOCK_ABOVE_HZ { Kind::Block } else { Kind::Sample }
 }
@@ -82,7 +85,8 @@ pub(crate) fn offset_ns(index: usize, period_ns: f64) -> i64 {
     (index as f64 * period_ns).round() as i64
 }
 
-/// Those of the `count` samples of a regular block that lie from one time to another, both included; the block's first is at `first_ns`.
+/// Those of the `count` samples of a regular block that lie from one time to another, both included; the block's first
+/// is at `first_ns`.
 pub(crate) fn within(first_ns: i64, period_ns: f64, count: usize, from_ns: i64, to_ns: i64) -> Range<usize> {
     let at = |i: usize| first_ns.saturating_add(offset_ns(i, period_ns));
     let first = (0..count).find(|&i| at(i) >= from_ns).unwrap_or(count);

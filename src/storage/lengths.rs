@@ -1,4 +1,5 @@
-//! Lengths inside MCAP records, checked before the MCAP library takes them on trust: it sets aside what they ask for, up to 4 GiB.
+//! Lengths inside MCAP records, checked before the MCAP library takes them on trust: it sets aside what they ask for,
+//! up to 4 GiB.
 
 use mcap::records::op;
 
@@ -10,7 +11,8 @@ enum Part {
     Text,
     /// A length in bytes, and pairs of texts.
     Map,
-    /// A length in bytes, and entries of so many each: the library reads the last to its end, wherever the length says that they end.
+    /// A length in bytes, and entries of so many each: the library reads the last to its end, wherever the length says
+    /// that they end.
     Entries(usize),
 }
 

@@ -1,9 +1,9 @@
 //! Recordings on disk: MCAP files that Foxglove and PlotJuggler open as they are, and CSV in and out.
 //!
 //! A *finished* file holds zstd chunks with CRCs and an index. A *live* file, as [`Writer`] keeps it while a test
-//! runs, holds small uncompressed chunks, each with its CRC and handed to the system within [`FLUSH_EVERY`], so that a crash
-//! costs milliseconds; [`Writer::finish`] turns it into a finished one, [`recover`] does the same for one that a crash
-//! left behind. What is in the files is described in [`layout`] and [`schema`].
+//! runs, holds small uncompressed chunks, each with its CRC and handed to the system within [`FLUSH_EVERY`], so that a
+//! crash costs milliseconds; [`Writer::finish`] turns it into a finished one, [`recover`] does the same for one that a
+//! crash left behind. What is in the files is described in [`layout`] and [`schema`].
 
 pub(crate) mod assemble;
 pub(crate) mod compress;

@@ -1,4 +1,5 @@
-//! What may stand where a command is asked to write: a page replaces only an older page, a time series only one like it.
+//! What may stand where a command is asked to write: a page replaces only an older page, a time series only one like
+//! it.
 
 use std::error::Error;
 use std::fs::{self, File};
@@ -14,8 +15,8 @@ type AnyError = Box<dyn Error + Send + Sync>;
 /// First bytes of an MCAP file.
 const MCAP_MAGIC: &[u8] = b"\x89MCAP0\r\n";
 
-/// Refuses a place for a report page that holds anything but an older page of this program, so that no recording or rig is
-/// lost to a slip of the tongue.
+/// Refuses a place for a report page that holds anything but an older page of this program, so that no recording or rig
+/// is lost to a slip of the tongue.
 ///
 /// # Errors
 /// A folder, a folder that does not exist, a file that is no such page.
@@ -47,7 +48,8 @@ pub fn check_picture(path: &Path) -> Result<(), AnyError> {
     check_result(path, PICTURE)
 }
 
-/// Refuses a place for a result that holds anything but an empty file or an older result, one that begins with `heading`.
+/// Refuses a place for a result that holds anything but an empty file or an older result, one that begins with
+/// `heading`.
 ///
 /// # Errors
 /// A folder, a folder that does not exist, any other file.

@@ -20,8 +20,8 @@ use crate::storage::lengths::texts_fit;
 /// Reads a recording, with the rig from inside it, and the rig's own effects in the folder `effects` beside it.
 ///
 /// # Errors
-/// Says whether the file is no MCAP, not one of ours, cut off ([`LogError::Torn`]) or damaged: every CRC is checked, and
-/// no sample is given out of a file in which anything is wrong.
+/// Says whether the file is no MCAP, not one of ours, cut off ([`LogError::Torn`]) or damaged: every CRC is checked,
+/// and no sample is given out of a file in which anything is wrong.
 pub fn read(path: &Path) -> Result<Recording, LogError> {
     let io = |e| LogError::io("read", path, e);
     let mut file = disk::open_file(path)?;
@@ -117,7 +117,8 @@ impl Batch {
     }
 }
 
-/// Hands each record of the input, those in chunks included, to `take`, but for the indices of messages; stops at the first error and returns it.
+/// Hands each record of the input, those in chunks included, to `take`, but for the indices of messages; stops at the
+/// first error and returns it.
 pub fn records(
     input: impl Read,
     options: LinearReaderOptions,

@@ -103,11 +103,12 @@ pub fn salvaged(bytes: &[u8], torn: &Path) -> Result<(Recording, Vec<Loss>), Log
     Ok((recording, lost))
 }
 
-/// Sensors of a device that end further apart than this do so for another reason than a frame that was not written whole, s.
+/// Sensors of a device that end further apart than this do so for another reason than a frame that was not written
+/// whole, s.
 const LONGEST_FRAME_S: f64 = 1.0;
 
-/// Ends the sensors of each device that sends frames at the last one of which all have their samples: what was written of the next is a part
-/// of it. Says how many samples were left out.
+/// Ends the sensors of each device that sends frames at the last one of which all have their samples: what was written
+/// of the next is a part of it. Says how many samples were left out.
 fn end_at_one_frame(rig: &Rig, series: &mut [Series]) -> Vec<String> {
     let mut left_out = Vec::new();
     for device in rig.devices.iter().filter(|device| matches!(device.protocol, Protocol::Frames)) {

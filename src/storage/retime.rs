@@ -1,8 +1,8 @@
 //! Samples of different devices on one clock: what moves the times of a live file once the clocks are known.
 //!
-//! While a test runs, a device's samples are logged at its own clock's times, shifted as a whole. Drift and offset against the other devices
-//! are known better from minute to minute; the live file holds the latest estimate as metadata `surgescope.clocks`, and
-//! every sample is moved by it when the file is finished, recovered or read.
+//! While a test runs, a device's samples are logged at its own clock's times, shifted as a whole. Drift and offset
+//! against the other devices are known better from minute to minute; the live file holds the latest estimate as
+//! metadata `surgescope.clocks`, and every sample is moved by it when the file is finished, recovered or read.
 
 use std::collections::BTreeMap;
 

@@ -32,7 +32,8 @@ pub struct Block {
     pub times_s: Vec<f64>,
 }
 
-/// Period and values, eight bytes each, of a block as the recorder writes nearly all of them: a period, then values, and nothing else.
+/// Period and values, eight bytes each, of a block as the recorder writes nearly all of them: a period, then values,
+/// and nothing else.
 pub fn plain_block(data: &[u8]) -> Option<(f64, &[u8])> {
     let (period_ns, rest) = data.strip_prefix(&[0x09])?.split_first_chunk()?;
     let mut rest = rest.strip_prefix(&[0x12])?;
@@ -97,7 +98,8 @@ impl Kind {
     }
 }
 
-/// What a model shows at the time of a sample, `surgescope.Modelled`. No recorder writes it: its channels stand beside the data.
+/// What a model shows at the time of a sample, `surgescope.Modelled`. No recorder writes it: its channels stand beside
+/// the data.
 #[derive(Clone, PartialEq, Message)]
 pub struct Modelled {
     /// Value in the sensor's unit.

@@ -208,8 +208,8 @@ impl<W: Seek> Seek for Muted<W> {
 }
 
 impl<W: Write + Seek> Sink<Muted<W>> {
-    /// Goes on in the same file with a new MCAP writer, without a second head: the old one remembers each chunk for an index that a
-    /// live file does not have, and a day's chunks would take half a gigabyte.
+    /// Goes on in the same file with a new MCAP writer, without a second head: the old one remembers each chunk for an
+    /// index that a live file does not have, and a day's chunks would take half a gigabyte.
     pub fn renew(mut self, options: WriteOptions) -> Result<Self, LogError> {
         self.flush()?;
         let Sink { mcap, path, zero_ns, sensors, descriptors, schemas, buffer } = self;
@@ -239,7 +239,8 @@ impl<W: Write + Seek> Sink<Muted<W>> {
     }
 }
 
-/// What the channels of a sensor say of it, an index in the rig; `csv` is how its time series was written, where it was imported.
+/// What the channels of a sensor say of it, an index in the rig; `csv` is how its time series was written, where it was
+/// imported.
 pub(crate) fn metadata_of(index: usize, sensor: &Sensor, csv: Option<&CsvFormat>) -> BTreeMap<String, String> {
     let mut metadata = BTreeMap::from([
         (key::SENSOR.to_string(), sensor.name.clone()),

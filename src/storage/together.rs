@@ -40,8 +40,8 @@ pub enum TogetherError {
     NoFile,
 }
 
-/// Joins files, which have these `columns`, each read onto the sensors of a rig. Every sensor must be in one of several files or among those
-/// `without` samples.
+/// Joins files, which have these `columns`, each read onto the sensors of a rig. Every sensor must be in one of several
+/// files or among those `without` samples.
 ///
 /// # Errors
 /// A sensor that no file has, files that cannot be aligned, or that hold one sensor at the same times.

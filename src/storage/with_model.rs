@@ -1,7 +1,7 @@
 //! A recording with a model beside it: a copy of the file, and two channels more for each sensor that the model shows.
 //!
-//! The copy keeps every record of the data as it is: attachments, metadata, channels and messages. The added messages stand among them
-//! by time, so that a player reads the file from front to back. Readers of recordings pass over them.
+//! The copy keeps every record of the data as it is: attachments, metadata, channels and messages. The added messages
+//! stand among them by time, so that a player reads the file from front to back. Readers of recordings pass over them.
 
 use std::collections::BTreeMap;
 use std::io::{BufReader, BufWriter};

@@ -26,8 +26,8 @@ const CHUNKS_BEFORE_RENEWAL: u32 = if cfg!(test) { 3 } else { 10_000 };
 /// How a recording ended.
 #[derive(Debug)]
 pub enum Ending {
-    /// A finished file, compressed and indexed, with every sample but those that [`Writer::keep`] left out, counted by sensor: samples
-    /// and gaps.
+    /// A finished file, compressed and indexed, with every sample but those that [`Writer::keep`] left out, counted by
+    /// sensor: samples and gaps.
     Finished(HashMap<String, (u64, u64)>),
     /// Every sample is there, but the file could not be compressed, and why.
     Plain(LogError),
@@ -155,8 +155,8 @@ impl Writer {
         self.written((key.len() + value.len()) as u64)
     }
 
-    /// Says how the clocks of the devices lie to each other, as well as it is known by now: the last word holds for the whole
-    /// recording. Fixes of one sensor must keep its times in order.
+    /// Says how the clocks of the devices lie to each other, as well as it is known by now: the last word holds for the
+    /// whole recording. Fixes of one sensor must keep its times in order.
     ///
     /// # Errors
     /// When the disk refuses.
@@ -171,8 +171,9 @@ impl Writer {
         self.written(MESSAGE_BYTES)
     }
 
-    /// Of a sensor, the finished file has only samples from one time to another, ns on the recording's clock as [`clocks`](Writer::clocks)
-    /// says it last, and the gaps that reach between them. Where no finished file can be made, the live one keeps what it has.
+    /// Of a sensor, the finished file has only samples from one time to another, ns on the recording's clock as
+    /// [`clocks`](Writer::clocks) says it last, and the gaps that reach between them. Where no finished file can be
+    /// made, the live one keeps what it has.
     pub fn keep(&mut self, sensor: usize, from_ns: i64, to_ns: i64) {
         if let Some(name) = self.names.get(sensor) {
             self.windows.insert(name.clone(), (from_ns, to_ns));
@@ -197,12 +198,13 @@ impl Writer {
         Ok(())
     }
 
-    /// Ends the recording: a finished file, compressed and indexed, takes the live file's place in one step. Where the disk has no room for
-    /// it, or refused samples before, the live file itself is given an end: it is read as any other.
+    /// Ends the recording: a finished file, compressed and indexed, takes the live file's place in one step. Where the
+    /// disk has no room for it, or refused samples before, the live file itself is given an end: it is read as any
+    /// other.
     ///
     /// # Errors
-    /// [`LogError::Unfinished`] when neither can be done: the live file stays, with all samples in it that were written.
-    /// [`LogError::Gone`] when it no longer stands at its name.
+    /// [`LogError::Unfinished`] when neither can be done: the live file stays, with all samples in it that were
+    /// written. [`LogError::Gone`] when it no longer stands at its name.
     pub fn finish(mut self) -> Result<Ending, LogError> {
         let flushed = self.flush();
         drop(self.sink.take().map(Sink::abandon));

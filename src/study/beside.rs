@@ -29,8 +29,8 @@ pub struct Beside {
     pub warnings: Vec<String>,
 }
 
-/// The model in force in `file`, which was read from `path`, beside the only recording of a study, which is at `recording`. Of a long
-/// recording it is beside the part that a fit uses. Before the closure the model is at rest.
+/// The model in force in `file`, which was read from `path`, beside the only recording of a study, which is at
+/// `recording`. Of a long recording it is beside the part that a fit uses. Before the closure the model is at rest.
 ///
 /// # Errors
 /// Another pipeline than the model's, a model that cannot be simulated.
@@ -97,7 +97,8 @@ fn curves(study: &Study, effects: &[Chosen], given: &[Given]) -> Result<Vec<Curv
     Ok(shown.into_iter().map(beside).collect())
 }
 
-/// The file was checked where it was read: what is left is a model that cannot be simulated, or values that an editor has added.
+/// The file was checked where it was read: what is left is a model that cannot be simulated, or values that an editor
+/// has added.
 fn unshown(error: AsRecordedError) -> Error {
     match error {
         AsRecordedError::Model(error) => error.into(),

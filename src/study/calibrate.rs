@@ -13,7 +13,8 @@ use crate::rig::Rig;
 use crate::study::error::Result;
 use crate::study::hold::{Hold, constraints};
 
-/// Effects of a model: a list as on the command line (`"viscoelastic-wall:2,leak"`; `"none"` is the base model), or effects chosen before.
+/// Effects of a model: a list as on the command line (`"viscoelastic-wall:2,leak"`; `"none"` is the base model), or
+/// effects chosen before.
 pub trait Effects {
     /// The effects.
     ///
@@ -113,7 +114,8 @@ impl Calibrate<'_> {
     /// Fits the model.
     ///
     /// # Errors
-    /// Effects that do not exist or exclude each other, a parameter that the model does not have, a model that cannot be simulated.
+    /// Effects that do not exist or exclude each other, a parameter that the model does not have, a model that cannot
+    /// be simulated.
     pub fn run(self) -> Result<Fit> {
         let effects = [self.effects?];
         let mut options = self.options;

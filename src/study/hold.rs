@@ -45,8 +45,8 @@ fn shared_names(rig: &Rig, runs: &[RunData], effects: &[Chosen]) -> Vec<String> 
     parameters::shared(&model, runs).into_iter().map(|p| p.name).collect()
 }
 
-/// What `hold` means for each of several models. A value that one of them shares among runs concerns only those that have it; any
-/// other is held in every run, and the fit refuses it where there is no such parameter.
+/// What `hold` means for each of several models. A value that one of them shares among runs concerns only those that
+/// have it; any other is held in every run, and the fit refuses it where there is no such parameter.
 pub fn constraints(rig: &Rig, runs: &[RunData], models: &[Vec<Chosen>], hold: &[Hold]) -> Vec<Vec<Constraint>> {
     let own: Vec<Vec<String>> = models.iter().map(|effects| shared_names(rig, runs, effects)).collect();
     let of = |known: &Vec<String>| {
@@ -102,8 +102,8 @@ pub fn beyond(rig: &Rig, runs: &[RunData], effects: &[Chosen], values: &[(String
     values.iter().filter_map(outside).collect()
 }
 
-/// Adds what a model of a file settles where `held` says nothing else: values held, and bounds of parameters that a model with these
-/// `effects` has. Returns the held parameters that it does not have.
+/// Adds what a model of a file settles where `held` says nothing else: values held, and bounds of parameters that a
+/// model with these `effects` has. Returns the held parameters that it does not have.
 pub fn settle(
     held: &mut Vec<Constraint>,
     from: &Entry,

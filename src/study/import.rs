@@ -47,8 +47,9 @@ impl ImportError {
     }
 }
 
-/// What stands against a recording that was read onto its rig: pressures that cannot be what the file says. Of those that are `scaled` somebody said
-/// what they stand for. Where a file is not `alone`, what contradicts a sensor in another one may be its clock.
+/// What stands against a recording that was read onto its rig: pressures that cannot be what the file says. Of those
+/// that are `scaled` somebody said what they stand for. Where a file is not `alone`, what contradicts a sensor in
+/// another one may be its clock.
 pub fn misread_in(recording: &Recording, scaled: &[bool], alone: bool) -> Option<Misread> {
     let cut = Window::of(recording).map(|window| window.cut(recording));
     let used = cut.as_ref().unwrap_or(recording);
@@ -59,7 +60,8 @@ pub fn misread_in(recording: &Recording, scaled: &[bool], alone: bool) -> Option
 /// Reads a file onto the sensors of a rig; sensors that it lacks stay empty where it is not `alone`.
 ///
 /// # Errors
-/// A file that does not say all that is asked: with what would be guessed, where that is enough. Pressures that cannot be what it says.
+/// A file that does not say all that is asked: with what would be guessed, where that is enough. Pressures that cannot
+/// be what it says.
 pub fn import(
     path: &Path,
     rig: &Rig,

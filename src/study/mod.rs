@@ -1,4 +1,5 @@
-//! The front door: recordings opened, inspected and prepared, ready to be calibrated and diagnosed. Nothing in here prints.
+//! The front door: recordings opened, inspected and prepared, ready to be calibrated and diagnosed. Nothing in here
+//! prints.
 
 pub mod beside;
 pub mod calibrate;
@@ -202,7 +203,8 @@ impl Study {
         }
     }
 
-    /// What a fitted model lacks. Nothing is fitted twice: the fit is the start model as it is, with its bounds and what it held.
+    /// What a fitted model lacks. Nothing is fitted twice: the fit is the start model as it is, with its bounds and
+    /// what it held.
     ///
     /// ```no_run
     /// let study = surgescope::Study::open(["recordings/hdpe-creep.mcap"])?;
@@ -219,7 +221,8 @@ impl Study {
         Ok(diagnose_fit(&self.rig, &self.runs, &fit.effects, fit.clone(), &options, self.watcher())?)
     }
 
-    /// Fits the model with `effects` and diagnoses it; where a number of elements is left open, it is open for all models compared.
+    /// Fits the model with `effects` and diagnoses it; where a number of elements is left open, it is open for all
+    /// models compared.
     ///
     /// # Errors
     /// As [`Study::calibrate`] and [`Study::diagnose`].
@@ -238,8 +241,8 @@ impl Study {
         Ok(without(&self.rig, &self.runs, fit, i, &options_of(fit), self.watcher())?)
     }
 
-    /// What would explain what a fitted model leaves, where no effect of the catalogue does: the most probable place of a forcing first, then those
-    /// that the recordings cannot tell from it. Nothing where nothing is left.
+    /// What would explain what a fitted model leaves, where no effect of the catalogue does: the most probable place of
+    /// a forcing first, then those that the recordings cannot tell from it. Nothing where nothing is left.
     ///
     /// # Errors
     /// A recording with a faulty sensor, a model that cannot be simulated.
@@ -265,8 +268,8 @@ impl Study {
         Ok(growing.step(&self.rig, &self.runs, self.watcher())?)
     }
 
-    /// The model of a fit with one effect more, and the evidence for it. Of an effect that the model has with fewer elements, as many are
-    /// added as the evidence supports, up to the number that is named.
+    /// The model of a fit with one effect more, and the evidence for it. Of an effect that the model has with fewer
+    /// elements, as many are added as the evidence supports, up to the number that is named.
     ///
     /// ```no_run
     /// let study = surgescope::Study::open(["recordings/copper-leak.mcap"])?;
@@ -277,8 +280,8 @@ impl Study {
     /// ```
     ///
     /// # Errors
-    /// An effect that does not exist, that the model has already or that excludes another; elements that the records do not show; a model that
-    /// cannot be simulated.
+    /// An effect that does not exist, that the model has already or that excludes another; elements that the records do
+    /// not show; a model that cannot be simulated.
     pub fn grow(&self, fit: &Fit, effect: impl Effects) -> Result<Grown> {
         let mut added = effect.chosen()?;
         let (Some(added), true) = (added.pop(), added.is_empty()) else { return Err(Error::NotOneEffect) };

@@ -75,11 +75,12 @@ pub fn load(path: &Path) -> Result<ModelFile> {
     Ok(file)
 }
 
-/// Writes a file of models whole or not at all, one process at a time. Models that another process has added since the file was read stay in
-/// it; those of `file` follow them.
+/// Writes a file of models whole or not at all, one process at a time. Models that another process has added since the
+/// file was read stay in it; those of `file` follow them.
 ///
 /// # Errors
-/// If it cannot be written, may not be, or has been changed otherwise since it was read; what was there is then as it was.
+/// If it cannot be written, may not be, or has been changed otherwise since it was read; what was there is then as it
+/// was.
 pub fn save(file: &mut ModelFile, path: &Path) -> Result<()> {
     // Through a link to what it names.
     let path = &path.canonicalize().unwrap_or_else(|_| path.to_owned());
@@ -159,7 +160,8 @@ fn relative(path: &Path, folder: &Path) -> PathBuf {
 mod tests {
     use super::*;
 
-    /// Eight writers that have all read the same file: each model that one saved is in it at the end, and each grew out of what its writer read.
+    /// Eight writers that have all read the same file: each model that one saved is in it at the end, and each grew out
+    /// of what its writer read.
     fn write_among_eight(saves: usize) {
         const WRITERS: usize = 8;
         let folder = tempfile::tempdir().unwrap();

@@ -1,4 +1,5 @@
-//! Which test next: the answers that the records leave standing, and the tests that tell them apart or narrow a parameter.
+//! Which test next: the answers that the records leave standing, and the tests that tell them apart or narrow a
+//! parameter.
 
 use crate::diagnose::Diagnosis;
 use crate::diagnose::next::{Answer, Precision, Separation, answer_of, between, narrowing};

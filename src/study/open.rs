@@ -91,7 +91,8 @@ impl Loaded {
     }
 }
 
-/// Reads recordings, all of one rig: that of `rig`, or the one stored in the first of them; `ignored` sensors are left out.
+/// Reads recordings, all of one rig: that of `rig`, or the one stored in the first of them; `ignored` sensors are left
+/// out.
 ///
 /// # Errors
 /// Any that cannot be read or shows no closure (the file is named), one given twice, or recordings of different rigs.

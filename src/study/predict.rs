@@ -41,7 +41,8 @@ pub struct Question<'a> {
 /// What the model in force in a file predicts of a study's recordings.
 ///
 /// # Errors
-/// A model that cannot be read, another pipeline than the model's or one that cannot be compared with it, a value that is none of a run's.
+/// A model that cannot be read, another pipeline than the model's or one that cannot be compared with it, a value that
+/// is none of a run's.
 pub fn predicted(study: &Study, asked: &Question) -> Result<Predicted> {
     let file = models::load(asked.model)?;
     let known = file.current().known();

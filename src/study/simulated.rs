@@ -26,7 +26,8 @@ pub struct Simulated {
 }
 
 impl Study {
-    /// The model with these effects at the `given` values, the first that concerns a parameter counting; on a grid of about so many `reaches`.
+    /// The model with these effects at the `given` values, the first that concerns a parameter counting; on a grid of
+    /// about so many `reaches`.
     ///
     /// # Errors
     /// Values of parameters that the model does not have, a model that cannot be simulated.
@@ -74,8 +75,8 @@ impl Study {
         Ok(or_from_signals(fit, self.rig(), self.runs(), &options, self.watcher())?)
     }
 
-    /// The values of a fitted model where the `moved` parameters stand elsewhere and the others have followed them, on a coarse grid
-    /// that is coarser still while a parameter is `dragged`.
+    /// The values of a fitted model where the `moved` parameters stand elsewhere and the others have followed them, on
+    /// a coarse grid that is coarser still while a parameter is `dragged`.
     ///
     /// # Errors
     /// As [`Study::simulated`]; a value out of its bounds.

@@ -1,4 +1,5 @@
-//! A diagnosis that goes on: what is missing is added, what is no longer needed goes, until nothing is missing or no effect explains the rest.
+//! A diagnosis that goes on: what is missing is added, what is no longer needed goes, until nothing is missing or no
+//! effect explains the rest.
 
 use crate::diagnose::Diagnosis;
 use crate::diagnose::growing::{self, Growing};
@@ -60,8 +61,8 @@ impl UntilDone {
         Ok(UntilDone::grown_from(effects.clone(), effects, Options::default()))
     }
 
-    /// From the model with `effects`, which grew out of one with those of `start`: what was added to that one has to hold its own like what is
-    /// added now.
+    /// From the model with `effects`, which grew out of one with those of `start`: what was added to that one has to
+    /// hold its own like what is added now.
     pub fn grown_from(start: Vec<Chosen>, effects: Vec<Chosen>, options: Options) -> UntilDone {
         UntilDone { options, start, effects, search: None, models: Vec::new(), diagnoses: Vec::new() }
     }
@@ -122,7 +123,8 @@ mod tests {
         std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("recordings").join(name)
     }
 
-    /// Creep is missing, and the start model has a leak that nothing shows: one is added, the other goes, and then nothing is missing.
+    /// Creep is missing, and the start model has a leak that nothing shows: one is added, the other goes, and then
+    /// nothing is missing.
     #[test]
     fn what_is_missing_is_added_and_what_is_not_needed_goes() {
         let study = Study::open([file("hdpe-creep.mcap")]).unwrap();

@@ -107,7 +107,8 @@ pub fn evaluate(
     Ok(Ended::Done(index.run(run.id)?))
 }
 
-/// Enters a recording that was just finished in its folder's index and evaluates it; none where a watch is at work there, which will.
+/// Enters a recording that was just finished in its folder's index and evaluates it; none where a watch is at work
+/// there, which will.
 ///
 /// # Errors
 /// A recording that cannot be read back, an index that cannot be written.
@@ -231,8 +232,8 @@ fn name(path: &Path) -> String {
     path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// Writes the fit as a file of models: the start model, and in force the one with what is missing. What a person added to an older file
-/// of that name stays in it.
+/// Writes the fit as a file of models: the start model, and in force the one with what is missing. What a person added
+/// to an older file of that name stays in it.
 fn write_model(path: &Path, recording: &Path, diagnosis: &Diagnosis) -> Result<ModelFile, AnyError> {
     let mut file = models::about(path, &[recording.to_owned()], None)?;
     if file.models.iter().all(|m| m.why.starts_with(WATCHED)) {

@@ -1,7 +1,8 @@
 //! Which recordings lie in a folder, and whether each has its end.
 //!
-//! The folder is polled: that works on network shares and in containers, where notices of the system do not arrive, and a file that
-//! grows says no more than its size does. One look is one directory listing with sizes and times; a file is read only where those are new.
+//! The folder is polled: that works on network shares and in containers, where notices of the system do not arrive, and
+//! a file that grows says no more than its size does. One look is one directory listing with sizes and times; a file is
+//! read only where those are new.
 
 use std::fs;
 use std::io;
@@ -46,7 +47,8 @@ pub enum Content {
     Unfinished,
 }
 
-/// The files in a folder that end with `.mcap`, by name; and those whose name is no UTF-8. Hidden ones are left out, and folders.
+/// The files in a folder that end with `.mcap`, by name; and those whose name is no UTF-8. Hidden ones are left out,
+/// and folders.
 ///
 /// # Errors
 /// A folder that cannot be listed; a file that vanishes meanwhile is none.

@@ -27,8 +27,8 @@ pub struct BadModel {
 }
 
 impl Start {
-    /// From the rig's accepted model: its effects, their values as start, and what a person has held or bounded in it. Wave speed and
-    /// what is each run's own start from the signals, which know them better.
+    /// From the rig's accepted model: its effects, their values as start, and what a person has held or bounded in it.
+    /// Wave speed and what is each run's own start from the signals, which know them better.
     ///
     /// # Errors
     /// A model in the index that cannot be read.
@@ -52,7 +52,8 @@ impl Start {
         Ok(Start { effects, options })
     }
 
-    /// From the effects asked for, or else from what the rig's pipes are made of: plastic creeps, metal shows unsteady friction.
+    /// From the effects asked for, or else from what the rig's pipes are made of: plastic creeps, metal shows unsteady
+    /// friction.
     ///
     /// # Errors
     /// None in practice: both effects are in the catalogue.

@@ -15,7 +15,8 @@ const LEVEL: f64 = 0.95;
 pub enum Accept {
     /// None.
     Never,
-    /// Those of runs in which nothing is missing, nothing contradicts the meters, and whose values are within their history.
+    /// Those of runs in which nothing is missing, nothing contradicts the meters, and whose values are within their
+    /// history.
     Clean,
 }
 
@@ -106,7 +107,8 @@ pub fn line_of(run: &Run) -> String {
     }
 }
 
-/// A value in the digits of its error; of a model that lacks something, which pulls it by nobody knows how much, about that.
+/// A value in the digits of its error; of a model that lacks something, which pulls it by nobody knows how much, about
+/// that.
 fn told(value: &Value, lacks: bool) -> String {
     if lacks {
         return format!("≈ {}", significant(value.value, 3));

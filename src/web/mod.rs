@@ -6,8 +6,8 @@
 //! | [`view`] | the session as JSON, curves as binary arrays |
 //! | [`server`] | routes, who may come in, the files of the page |
 //!
-//! The session works through [`Study`](crate::Study) and the files of the commands; the page draws what the session says. State lives here: a
-//! reload or a second tab shows the same, and after a kill the files are the truth.
+//! The session works through [`Study`](crate::Study) and the files of the commands; the page draws what the session
+//! says. State lives here: a reload or a second tab shows the same, and after a kill the files are the truth.
 
 pub mod server;
 pub mod session;

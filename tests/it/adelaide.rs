@@ -19,7 +19,8 @@ use column::{
 
 const SEVERE: &str = "recordings/adelaide/adelaide-severe.mcap";
 
-/// What a fit of the severe test finds with the published wave speed, velocity and head before the valve held, the gas free.
+/// What a fit of the severe test finds with the published wave speed, velocity and head before the valve held, the gas
+/// free.
 #[test]
 fn a_fit_of_the_severe_test_follows_it() {
     let rig = rig();
@@ -67,7 +68,8 @@ fn a_fit_of_the_severe_test_follows_it() {
     }
 }
 
-/// From the elastic model, with the same values held, the diagnosis names gas or cavities, and not with certainty where one imitates the other.
+/// From the elastic model, with the same values held, the diagnosis names gas or cavities, and not with certainty where
+/// one imitates the other.
 #[test]
 #[ignore = "takes 20 s; CI runs it"]
 fn the_elastic_model_lacks_gas_or_cavities() {

@@ -1,4 +1,5 @@
-//! The house rules of the source tree: imports point down, between rooms, between the floors of a room and between files; no circles.
+//! The house rules of the source tree: imports point down, between rooms, between the floors of a room and between
+//! files; no circles.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -342,8 +343,8 @@ fn the_test_reads_rust() {
     assert_eq!(without_tests(tests).split_whitespace().collect::<String>(), "fna(){}fnc(){}");
 }
 
-/// The library names settings (option `budget`); the command line alone knows their flags (`console/print.rs`). Whole commands may be named,
-/// in backticks, where a file is written for people at a terminal.
+/// The library names settings (option `budget`); the command line alone knows their flags (`console/print.rs`). Whole
+/// commands may be named, in backticks, where a file is written for people at a terminal.
 #[test]
 fn only_the_command_line_knows_its_flags() {
     let flag = |line: &str| {

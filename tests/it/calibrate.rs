@@ -1,8 +1,8 @@
 //! The main job: recordings in, fitted models out, with what they must show.
 //!
-//! The shipped recordings come from a simulator that shares nothing with this project; their truth is in recordings/README.md.
-//! The others are made by the project's own model on a grid many times finer than the fit's, with noise: they hold the fit to
-//! its standard errors.
+//! The shipped recordings come from a simulator that shares nothing with this project; their truth is in
+//! recordings/README.md. The others are made by the project's own model on a grid many times finer than the fit's, with
+//! noise: they hold the fit to its standard errors.
 
 use surgescope::fit::data::prepare::prepare;
 use surgescope::fit::data::run_data::RunData;
@@ -292,7 +292,8 @@ fn only_the_plastic_pipe_creeps() {
     made.must_come_back(&made.recording(None), 1.2);
 }
 
-/// Four elements of creep for a copper pipe that has none: those that vanish leave the results of the others as they are.
+/// Four elements of creep for a copper pipe that has none: those that vanish leave the results of the others as they
+/// are.
 #[test]
 fn elements_that_vanish_spare_the_others() {
     let fit = fit(&[shipped("copper-leak.mcap")], "viscoelastic-wall:4");
@@ -308,7 +309,8 @@ fn elements_that_vanish_spare_the_others() {
     }
 }
 
-/// The sway of a tank before the closure, ten times the noise, which dies away with the flow: the first rise is known no better than that.
+/// The sway of a tank before the closure, ten times the noise, which dies away with the flow: the first rise is known
+/// no better than that.
 #[test]
 fn noise_that_dies_away_counts_where_the_valve_closes() {
     let recording = shipped("hdpe-nothing-missing.mcap");

@@ -1,4 +1,5 @@
-//! The creep test: elements, band and shift from synthetic tests of known truth; the program's answers and its complaints.
+//! The creep test: elements, band and shift from synthetic tests of known truth; the program's answers and its
+//! complaints.
 
 use serde_json::Value;
 use surgescope::creep::fit::fit;
@@ -36,7 +37,8 @@ fn measured(time_s: &[f64], factor: f64, noise: Noise, seed: u64) -> CreepTest {
     }
 }
 
-/// Forty noisy tests of an hour: the curve from `from_s` on is within 1% in each, and the band covers the truth at 90 to 99% of all points.
+/// Forty noisy tests of an hour: the curve from `from_s` on is within 1% in each, and the band covers the truth at 90
+/// to 99% of all points.
 fn curves_are_recovered(name: &str, time_s: &[f64], from_s: f64) {
     let (truth, mut worst, mut inside, mut all) = (truth(), 0.0f64, 0, 0);
     let (mut elements, mut proportional) = ([0; 7], 0);
@@ -222,7 +224,8 @@ fn program(arguments: &[&str]) -> (i32, String, String) {
 
 const SHIPPED: [&str; 3] = ["hdpe-15degC.csv", "hdpe-25degC.csv", "hdpe-35degC.csv"];
 
-/// The shipped tests to a page, a document and a file; the file as what is known in a calibration of the recording with the same wall.
+/// The shipped tests to a page, a document and a file; the file as what is known in a calibration of the recording with
+/// the same wall.
 #[test]
 fn the_shipped_tests_lead_to_a_calibration() {
     let folder = tempfile::tempdir().unwrap();
@@ -290,7 +293,8 @@ fn the_shipped_tests_lead_to_a_calibration() {
     assert!(code == 2 && err.contains("README.md is no result of a creep test"), "{err}");
 }
 
-/// A laboratory's test of the same wall, whose first reading comes after its fastest element: that one is in the test's J0, and the record adds it.
+/// A laboratory's test of the same wall, whose first reading comes after its fastest element: that one is in the test's
+/// J0, and the record adds it.
 #[test]
 fn a_test_that_begins_late_leaves_what_is_faster_to_the_record() {
     let folder = tempfile::tempdir().unwrap();

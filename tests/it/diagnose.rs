@@ -1,4 +1,5 @@
-//! What a user relies on in a diagnosis: the effect that is missing is found, nothing is invented, the answer is always the same.
+//! What a user relies on in a diagnosis: the effect that is missing is found, nothing is invented, the answer is always
+//! the same.
 //!
 //! The recordings come from a simulator that shares nothing with this project (recordings/README.md).
 
@@ -32,7 +33,8 @@ fn creep_is_found_and_brings_the_error_down_to_the_noise() {
     assert!(!answer["fails"].as_array().unwrap().is_empty());
 }
 
-/// The error before is the least that the smaller model leaves, and what that bends of it is no doubt of an answer that explains the record.
+/// The error before is the least that the smaller model leaves, and what that bends of it is no doubt of an answer that
+/// explains the record.
 #[test]
 fn an_answer_that_explains_the_record_is_not_doubted() {
     let folder = tempfile::tempdir().unwrap();
@@ -175,7 +177,8 @@ fn what_a_rig_cannot_have_is_not_tried_and_is_doubted() {
     assert!(best(&answer)["held_out_m"].as_f64() < answer["start"]["held_out_m"].as_f64());
 }
 
-/// A sensor's gain is arithmetic, so its recordings can be made without any solver: much is found, less than the program calls visible is not.
+/// A sensor's gain is arithmetic, so its recordings can be made without any solver: much is found, less than the
+/// program calls visible is not.
 #[test]
 #[ignore = "takes 23 s; CI runs it"]
 fn the_least_visible_gain_is_where_it_says() {

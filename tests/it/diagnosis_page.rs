@@ -22,7 +22,8 @@ fn candidates(answer: &Value) -> &Vec<Value> {
     answer["candidates"].as_array().unwrap()
 }
 
-/// The ranking of the last diagnosis is that of the answer, and what is left to none of the candidates makes up the whole.
+/// The ranking of the last diagnosis is that of the answer, and what is left to none of the candidates makes up the
+/// whole.
 fn ranking_is_of(page: &str, answer: &Value) {
     let last = section(page, "ranking").rsplit("<h3>").next().unwrap();
     let shown = numbers(&between(last, "data-probability=\"", "\""));

@@ -1,5 +1,6 @@
-//! Runs at several temperatures: laws recovered, a family that breaks them flagged, what is no family refused, and Table 2 of the source
-//! paper in small. The recordings come from the scheme of `tools/hidden`, which shares nothing with the solver.
+//! Runs at several temperatures: laws recovered, a family that breaks them flagged, what is no family refused, and
+//! Table 2 of the source paper in small. The recordings come from the scheme of `tools/hidden`, which shares nothing
+//! with the solver.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -238,8 +239,8 @@ fn what_is_no_family_is_refused_with_the_reason() {
     );
 }
 
-/// Table 2 of the source paper in small (`tools/paper_table2.py` has all six cases): the range that the record's first peak gives, the
-/// calibrated wave speed within 3.5% of it, the truth in the calibrated interval.
+/// Table 2 of the source paper in small (`tools/paper_table2.py` has all six cases): the range that the record's first
+/// peak gives, the calibrated wave speed within 3.5% of it, the truth in the calibrated interval.
 #[test]
 fn the_papers_wave_speeds_are_calibrated_within_its_bar() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,5 +1,5 @@
-//! The guide and the README: the pages made from the program are what the program says now, every command that a page shows ends as the page
-//! says, and every link leads somewhere.
+//! The guide and the README: the pages made from the program are what the program says now, every command that a page
+//! shows ends as the page says, and every link leads somewhere.
 //!
 //! `SURGESCOPE_UPDATE_GUIDE=1 cargo test --test it guide` writes the pages made from the program anew.
 
@@ -333,7 +333,8 @@ fn the_page_of_keys_is_current() {
 /// What keys mean, in their order.
 type Meanings = Vec<(String, toml::Value)>;
 
-/// The tables of `docs/keys.toml` in their order, which the parser of a whole file does not keep: `rig`, `[[pipe]]`, its keys.
+/// The tables of `docs/keys.toml` in their order, which the parser of a whole file does not keep: `rig`, `[[pipe]]`,
+/// its keys.
 fn meanings() -> Vec<(String, String, Meanings)> {
     let mut tables: Vec<(String, String, Meanings)> = Vec::new();
     for line in read("docs/keys.toml").lines() {
@@ -350,7 +351,8 @@ fn meanings() -> Vec<(String, String, Meanings)> {
     tables
 }
 
-/// Adds a table of the rig file: its keys, and what each may be, from what the program says of a file that has them wrong.
+/// Adds a table of the rig file: its keys, and what each may be, from what the program says of a file that has them
+/// wrong.
 fn add_rig_table(page: &mut String, folder: &Path, table: &str, meanings: &Meanings) {
     let all_keys: toml::Table = read("tools/fuzz/corpus/rig/all-keys.toml").parse().unwrap();
     let complaint = |change: &dyn Fn(&mut toml::Table)| {

@@ -18,7 +18,8 @@ fn value(name: &str, value: f64, standard_error: Option<f64>, unit: &str, own: b
     Value { name: name.into(), value, standard_error, unit: unit.into(), own }
 }
 
-/// An index of eight runs of a rig whose wave speed falls by 2 m/s a kelvin and rises by 0.5 m/s a run, one run with a leak, one failed.
+/// An index of eight runs of a rig whose wave speed falls by 2 m/s a kelvin and rises by 0.5 m/s a run, one run with a
+/// leak, one failed.
 fn index(folder: &Path) {
     let mut index = Index::open(folder).unwrap();
     let mut enter = |n: usize, error: Option<&str>| {
@@ -62,8 +63,8 @@ fn failed(index: &Index) -> Vec<Run> {
     index.all().unwrap().into_iter().filter(|run| run.state == State::Failed).collect()
 }
 
-/// A run that the program does not survive is begun so often, then once more after each of ever longer pauses; a failed one waits only
-/// when it is asked for.
+/// A run that the program does not survive is begun so often, then once more after each of ever longer pauses; a failed
+/// one waits only when it is asked for.
 #[test]
 fn a_run_that_ends_the_program_is_given_up_for_longer_and_longer() {
     let folder = tempfile::tempdir().unwrap();

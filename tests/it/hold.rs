@@ -85,7 +85,8 @@ fn a_diagnosis_holds_what_it_is_told_to() {
         let found = start.iter().find(|p| p["name"] == name).unwrap();
         assert_eq!(found["value"].as_f64(), Some(value), "{name}");
     }
-    // Gas or cavities, as in the tests with this pipe: which of them follows the record better from these values is not asked here.
+    // Gas or cavities, as in the tests with this pipe: which of them follows the record better from these values is not
+    // asked here.
     let first = &said["candidates"][0];
     let gas = ["vapour-cavity", "entrained-gas", "air-pocket"];
     assert!(gas.iter().any(|name| first["effect"] == *name), "{first}");

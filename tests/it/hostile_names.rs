@@ -1,4 +1,5 @@
-//! Names that control a terminal, or look like a line of the program: no command lets one through, on either stream, as text or as JSON.
+//! Names that control a terminal, or look like a line of the program: no command lets one through, on either stream, as
+//! text or as JSON.
 
 use std::fs;
 use std::path::{Path, PathBuf};

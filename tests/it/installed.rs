@@ -69,7 +69,8 @@ fn each_command_has_a_manual_page() {
     refused(&["man", text(&man.join("surgescope.1"))], &["cannot make the folder"]);
 }
 
-/// A package, its citation and its physics name one version and one address, and every file that a package takes along is there.
+/// A package, its citation and its physics name one version and one address, and every file that a package takes along
+/// is there.
 #[test]
 fn what_is_published_agrees() {
     let manifest = |path: &str| std::fs::read_to_string(here(path)).unwrap().parse::<toml::Table>().unwrap();

@@ -120,7 +120,8 @@ fn a_stopped_terminal_does_not_keep_the_program_from_ending() {
     drop((master, slave));
 }
 
-/// A log collector that hangs is no reason to miss the test: the program prints "listening to …" before it records anything.
+/// A log collector that hangs is no reason to miss the test: the program prints "listening to …" before it records
+/// anything.
 #[test]
 fn a_reader_that_reads_nothing_from_the_beginning_does_not_hold_up_the_recording() {
     let folder = TempDir::new().unwrap();

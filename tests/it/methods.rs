@@ -1,5 +1,5 @@
-//! The searches that a calibration knows, on a recording whose truth is known: a simulator that shares nothing with this project made it
-//! (recordings/README.md).
+//! The searches that a calibration knows, on a recording whose truth is known: a simulator that shares nothing with
+//! this project made it (recordings/README.md).
 
 use std::path::Path;
 
@@ -94,7 +94,8 @@ fn searches_without_descent_keep_their_budget_and_repeat_themselves() {
     }
 }
 
-/// In words: neither that something is missing nor that nothing is. Its profile is centred where a descent leads, and says by how much that is lower.
+/// In words: neither that something is missing nor that nothing is. Its profile is centred where a descent leads, and
+/// says by how much that is lower.
 #[test]
 fn a_search_short_of_an_optimum_gives_no_verdict_and_its_profile_finds_one() {
     let search = ["--effects", "viscoelastic-wall:2", "--method", "micro-ga", "--budget", "1500"];
@@ -112,15 +113,16 @@ fn a_search_short_of_an_optimum_gives_no_verdict_and_its_profile_finds_one() {
     let (alone, profiled) = (document(&search), document(&[&search[..], &["--profile", "wave_speed_m_s"]].concat()));
     let interval = &parameter(&profiled, "wave_speed_m_s")["interval_95"];
     let [low, high] = [0, 1].map(|end| interval[end].as_f64().unwrap());
-    // The optimum of this record, see `starts_in_traps_are_left_again`; the search itself is farther from it than the interval is wide.
+    // The optimum of this record, see `starts_in_traps_are_left_again`; the search itself is farther from it than the
+    // interval is wide.
     assert!((0.5 * (low + high) - 342.5).abs() < 0.5 && high - low < 1.5, "{low} to {high}");
     assert!(!(low..=high).contains(&value(&profiled, "wave_speed_m_s")), "{}", value(&profiled, "wave_speed_m_s"));
     let spent = |fit: &Value| fit["evaluations"].as_u64().unwrap();
     assert!(spent(&profiled) > spent(&alone) + 100, "{} after {}", spent(&profiled), spent(&alone));
 }
 
-/// Stepwise comes down to the noise with friction near the pipe's own, and what a creep test knows holds for it, too, with as many elements as that
-/// test has.
+/// Stepwise comes down to the noise with friction near the pipe's own, and what a creep test knows holds for it, too,
+/// with as many elements as that test has.
 #[test]
 fn stepwise_comes_near_the_noise_and_heeds_a_creep_test() {
     let fit = calibrated(&["--method", "stepwise"]);

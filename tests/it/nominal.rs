@@ -48,7 +48,8 @@ fn samples_at_the_end_of_a_range_are_left_out_and_said() {
     assert!(!said.contains("of P2 stand"), "{said}");
 }
 
-/// P2 of that recording stands at 81.31 m. A tape that slips moves the sensor in the file, not the fit; a file that calls itself exact is believed.
+/// P2 of that recording stands at 81.31 m. A tape that slips moves the sensor in the file, not the fit; a file that
+/// calls itself exact is believed.
 #[test]
 fn a_sensor_that_stands_elsewhere_is_found_and_said() {
     let mut least = f64::INFINITY;

@@ -1,5 +1,5 @@
-//! What someone relies on whose Modbus slaves share one RS-485 line: each one's values stand under its own sensors' names, whoever answers late
-//! or not at all.
+//! What someone relies on whose Modbus slaves share one RS-485 line: each one's values stand under its own sensors'
+//! names, whoever answers late or not at all.
 #![cfg(unix)]
 
 use std::sync::atomic::AtomicBool;

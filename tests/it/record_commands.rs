@@ -1,5 +1,5 @@
-//! What someone relies on whose device is a program: the same as of a serial line, and that the program ends with the recorder, comes back
-//! after it died, and never stands with a sample at a wrong time.
+//! What someone relies on whose device is a program: the same as of a serial line, and that the program ends with the
+//! recorder, comes back after it died, and never stands with a sample at a wrong time.
 #![cfg(target_os = "linux")]
 
 use std::path::{Path, PathBuf};
@@ -175,7 +175,8 @@ fn a_command_that_dies_ten_times_leaves_ten_gaps_and_no_sample_at_a_wrong_time()
     assert_eq!(output.status.code(), Some(3), "{}", String::from_utf8_lossy(&output.stderr));
     let device = &json(&output)["devices"][0];
     assert_eq!((device["reconnects"].as_u64(), device["restarts"].as_u64()), (Some(10), Some(10)), "{device}");
-    // three lines are cut off by the end of a life; on a loaded machine one may come so late that nothing confirms its time
+    // three lines are cut off by the end of a life; on a loaded machine one may come so late that nothing confirms its
+    // time
     let unconfirmed = device["bad_frames"].as_u64().unwrap() - 3;
     assert!(unconfirmed <= 15, "{device}");
     let recording = bench.read();

@@ -1,5 +1,5 @@
-//! What someone relies on whose rig has several devices: each speaks its own protocol, may misbehave, vanish and come back, and all of
-//! them end up on one clock in one whole file.
+//! What someone relies on whose rig has several devices: each speaks its own protocol, may misbehave, vanish and come
+//! back, and all of them end up on one clock in one whole file.
 #![cfg(unix)]
 
 use std::path::{Path, PathBuf};
@@ -22,7 +22,8 @@ use crate::common::surgescope;
 
 const PERIOD_NS: u32 = 1_000_000;
 
-/// P1 and P2 by frames, P3 by lines, Q1 and T1 in registers of the same shape: a late answer for one would fit the other.
+/// P1 and P2 by frames, P3 by lines, Q1 and T1 in registers of the same shape: a late answer for one would fit the
+/// other.
 fn rig_text(timeout_s: f64) -> String {
     let sensor = |name: &str, kind: &str, unit: &str, wiring: &str| {
         format!("[[sensor]]\nname = \"{name}\"\nkind = \"{kind}\"\nposition_m = 10.0\nunit = \"{unit}\"\n{wiring}\n")

@@ -100,8 +100,8 @@ fn indices(series: &Series) -> Vec<usize> {
     series.time_s.iter().map(number).collect()
 }
 
-/// Every sample is the one that was played at its time, and every hole is a gap, nothing else is. Returns the samples of
-/// each channel.
+/// Every sample is the one that was played at its time, and every hole is a gap, nothing else is. Returns the samples
+/// of each channel.
 pub fn check(recording: &Recording, playback: &Playback) -> Vec<usize> {
     assert_eq!(recording.series.len(), 3);
     for (channel, series) in recording.series.iter().enumerate() {

@@ -1,4 +1,5 @@
-//! What someone relies on whose device is behind a socket: the same as of a serial line, and that a lost connection is taken up again.
+//! What someone relies on whose device is behind a socket: the same as of a serial line, and that a lost connection is
+//! taken up again.
 #![cfg(unix)]
 
 use std::io::{Read as _, Write as _};

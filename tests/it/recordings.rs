@@ -1,4 +1,5 @@
-//! What a user relies on when recordings come and go: import, export, recovery, and words that help when the input is bad.
+//! What a user relies on when recordings come and go: import, export, recovery, and words that help when the input is
+//! bad.
 
 use std::fs;
 use std::path::{Path, PathBuf};

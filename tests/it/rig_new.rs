@@ -20,7 +20,8 @@ fn must(folder: &TempDir, arguments: &[&str]) -> (String, String) {
 
 const TAPE: [&str; 8] = ["--material", "copper", "--length-m", "100", "--pipe", "22x1.5", "--temperature-degC", "18"];
 
-/// A logger's table of a simulated closure, with German headings and times in ms, in a folder. The sensors stand at 100 m and 40 m.
+/// A logger's table of a simulated closure, with German headings and times in ms, in a folder. The sensors stand at 100
+/// m and 40 m.
 fn logged() -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     let sensors = [&TAPE[..], &["--sensor", "P1=100", "--sensor", "P2=40", "--yes", "-o", "true.toml"]].concat();
@@ -192,7 +193,8 @@ fn a_rig_is_drawn_to_scale() {
     let said = within(&folder, &["rig", "show", text(Path::new(&crate::common::here("rigs/demo-hdpe.toml")))]).1;
     let valve = said.lines().nth(1).unwrap().find('X').unwrap();
     assert!(said.contains("P3 54.2 m") && valve == 70, "{said}");
-    // What branches off is drawn off the way: the sensor at the dead end stands above the tee, at x = 90 + 780 · 300/420.
+    // What branches off is drawn off the way: the sensor at the dead end stands above the tee, at x = 90 + 780 ·
+    // 300/420.
     done(&["rig", "show", "rigs/branched.toml", "--svg", text(&svg)]);
     let drawn = std::fs::read_to_string(&svg).unwrap();
     assert!(drawn.contains("cx=\"647.1\" cy=\"150.0\"") && drawn.contains("P3 83.0 m on branch"), "{drawn}");

@@ -72,8 +72,8 @@ fn sobol_indices_of_the_ishigami_function_converge_to_the_exact_ones() {
         assert!((found.0 - published.0).abs() < 5e-5 && (found.1 - published.1).abs() < 5e-5);
     }
     for rows in [256, 1024, 4096, 16384] {
-        // A term of the sums has a standard deviation of about one: plain Monte Carlo errs by 1/√N, and four times that is never met.
-        // The sequence has to do better than plain Monte Carlo's one standard error.
+        // A term of the sums has a standard deviation of about one: plain Monte Carlo errs by 1/√N, and four times that
+        // is never met. The sequence has to do better than plain Monte Carlo's one standard error.
         let tolerance = 1.0 / (rows as f64).sqrt();
         for seed in 1..=5 {
             let design = sobol::design(3, rows, seed).unwrap();

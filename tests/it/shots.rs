@@ -52,7 +52,8 @@ unit = "degC"
 /// Closures of the valve, s; it opens again 2 s later.
 const CLOSURES: [f64; 3] = [3.0, 9.0, 15.0];
 
-/// 20 s at 500 Hz: the pressure rises from 300 to 700 kPa at each closure and decays while it rings; a temperature every 4 s.
+/// 20 s at 500 Hz: the pressure rises from 300 to 700 kPa at each closure and decays while it rings; a temperature
+/// every 4 s.
 fn series(folder: &Path) -> (PathBuf, PathBuf) {
     let mut csv = String::from("time_s,P1,V1,T1\n");
     for i in 0..10_000 {
@@ -175,7 +176,8 @@ fn a_folder_that_takes_no_file_is_refused_before_the_valve_closes() {
     }
 }
 
-/// Feeds P1 and V1 in batches of 10 ms: the valve closes at 3 s, opens at 8 s and so on; a shot holds 0.5 s before and 1 s after.
+/// Feeds P1 and V1 in batches of 10 ms: the valve closes at 3 s, opens at 8 s and so on; a shot holds 0.5 s before and
+/// 1 s after.
 struct Bench {
     shots: Shots,
     monitor: Monitor,
@@ -273,7 +275,8 @@ fn a_folder_that_is_gone_is_made_anew_and_one_that_cannot_be_loses_only_its_shot
     assert_eq!(fs::read_dir(&away).unwrap().count(), 1);
 }
 
-/// A limit on the size of files is as near to a full disk as a test can come without one: it is full before the trigger's moment.
+/// A limit on the size of files is as near to a full disk as a test can come without one: it is full before the
+/// trigger's moment.
 #[cfg(unix)]
 #[test]
 fn a_shot_on_a_full_disk_says_why_and_how_much_of_it_there_is() {

@@ -1,5 +1,5 @@
-//! Triggers over real ports: devices on pseudo-terminals, repeated closures, each shot in a file of its own, and what is wrong with a sensor
-//! said while the trigger is armed.
+//! Triggers over real ports: devices on pseudo-terminals, repeated closures, each shot in a file of its own, and what
+//! is wrong with a sensor said while the trigger is armed.
 #![cfg(unix)]
 
 use std::collections::HashSet;
@@ -62,7 +62,8 @@ fn pressure(row: usize) -> f64 {
     300.0 + 0.05 * (surge / 0.05).round() + 0.05 * (row % 5) as f64
 }
 
-/// Shut for half a second from each closure on, and longer at the first: the opening is no shot unless the trigger is armed again.
+/// Shut for half a second from each closure on, and longer at the first: the opening is no shot unless the trigger is
+/// armed again.
 fn command(row: usize) -> f64 {
     let shut = |closure: &f64| (closure - 1e-9..closure + 0.5).contains(&time_s(row));
     f64::from(u8::from(CLOSURES.iter().any(shut)))
@@ -177,8 +178,8 @@ fn a_slope_fires_on_each_rise() {
     assert_shown(&snapshots, 3);
 }
 
-/// A thermometer's logger says a line every 1.4 s. One line says nothing of how many values a line has, so when the shot's end has waited
-/// for it in vain it is still held back.
+/// A thermometer's logger says a line every 1.4 s. One line says nothing of how many values a line has, so when the
+/// shot's end has waited for it in vain it is still held back.
 #[test]
 fn a_logger_too_slow_for_the_shot_is_said_to_be_missing() {
     let folder = tempfile::tempdir().unwrap();

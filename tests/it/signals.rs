@@ -387,7 +387,8 @@ fn numbers_that_cannot_all_be_right_are_doubted_and_others_are_not() {
     };
     one(&copper(flow(1.3)), &["Joukowsky", "a leak, a wrong flow, or a slow closure?"]);
     assert_eq!(said(&copper(flow(1.1))), Vec::<String>::new(), "some percent are in every flow meter and bore");
-    // a wave three times as long on top of it: the head crosses its mean at one period, and its spectrum peaks at another
+    // a wave three times as long on top of it: the head crosses its mean at one period, and its spectrum peaks at
+    // another
     let mut other = good.clone();
     for (t, head) in other.series[0].time_s.clone().iter().zip(&mut other.series[0].value) {
         *head +=
@@ -491,7 +492,8 @@ fn long_rig() -> String {
     text
 }
 
-/// A thirtieth of the front as noise: laid over each other, noisy fronts give the speed without bias, and with as much error as they say.
+/// A thirtieth of the front as noise: laid over each other, noisy fronts give the speed without bias, and with as much
+/// error as they say.
 #[test]
 fn loud_noise_neither_shifts_the_wave_speed_nor_passes_unsaid() {
     let loud = Lab { white: JOUKOWSKY / 30.0, ..CLEAN };
@@ -562,8 +564,8 @@ fn slow_rig(closing_time_s: f64, metered: bool) -> String {
     )
 }
 
-/// 2 s on a line whose 2L/a is 0.088 s: the front carries no wave speed, the oscillation after the closure does, and the model is fitted to its noise,
-/// whatever the rig file says of the valve, with a flow meter and without.
+/// 2 s on a line whose 2L/a is 0.088 s: the front carries no wave speed, the oscillation after the closure does, and
+/// the model is fitted to its noise, whatever the rig file says of the valve, with a flow meter and without.
 #[test]
 fn a_slow_closure_shows_its_wave_speed_afterwards_and_is_fitted() {
     for (nominal_s, closing_s, metered) in [(2.0, 2.0, true), (0.05, 1.2, true), (2.0, 0.15, true), (1.0, 1.0, false)] {
@@ -601,8 +603,9 @@ fn a_slow_closure_shows_its_wave_speed_afterwards_and_is_fitted() {
     }
 }
 
-/// A wide pipe of steel before a narrow one of copper. Their joint sends back part of the wave before the supply does, and makes the period another than four
-/// travel times; what `inspect` takes from it is the mean speed, length by travel time.
+/// A wide pipe of steel before a narrow one of copper. Their joint sends back part of the wave before the supply does,
+/// and makes the period another than four travel times; what `inspect` takes from it is the mean speed, length by
+/// travel time.
 #[test]
 fn pipes_in_series_show_their_mean_wave_speed_by_the_period() {
     for closing_s in [0.02, 0.1, 0.6] {

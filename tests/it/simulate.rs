@@ -1,4 +1,5 @@
-//! What `surgescope simulate` refuses, and what it says: before a run where it can be known before, and where it went wrong otherwise.
+//! What `surgescope simulate` refuses, and what it says: before a run where it can be known before, and where it went
+//! wrong otherwise.
 
 use std::process::Output;
 use std::time::Instant;
@@ -161,7 +162,8 @@ position_m = 62.137
 unit = "m(H2O)"
 "#;
 
-/// Lowest and highest head of each gauge after a sudden closure at 1 m/s and 1300 m/s without friction, read far between the steps.
+/// Lowest and highest head of each gauge after a sudden closure at 1 m/s and 1300 m/s without friction, read far
+/// between the steps.
 fn range_of_a_sudden_closure(effects: &str) -> [(f64, f64); 2] {
     let folder = tempfile::tempdir().unwrap();
     let (rig, csv) = (folder.path().join("rig.toml"), folder.path().join("out.csv"));
@@ -194,7 +196,8 @@ fn range_of_a_sudden_closure(effects: &str) -> [(f64, f64); 2] {
     })
 }
 
-/// Joukowsky (1898): `a V / g` above and, once the wave has come back, below the steady head. No front overshoots, be it between steps or nodes.
+/// Joukowsky (1898): `a V / g` above and, once the wave has come back, below the steady head. No front overshoots, be
+/// it between steps or nodes.
 #[test]
 fn a_sudden_closure_rises_and_falls_by_joukowskys_head() {
     let rise = 1300.0 / 9.81;
@@ -204,7 +207,8 @@ fn a_sudden_closure_rises_and_falls_by_joukowskys_head() {
     }
 }
 
-/// Water at 20 °C boils at 2339 Pa absolute (IAPWS 1992): 98.986 kPa below the air. The gas that starts the cavities keeps them a little above that.
+/// Water at 20 °C boils at 2339 Pa absolute (IAPWS 1992): 98.986 kPa below the air. The gas that starts the cavities
+/// keeps them a little above that.
 #[test]
 fn no_head_is_written_below_that_of_vapour() {
     for (low, _) in range_of_a_sudden_closure("vapour-cavity") {

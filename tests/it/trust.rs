@@ -92,8 +92,8 @@ fn creep_slower_than_the_record_is_known_by_its_rate_alone() {
     for name in ["wave_speed_m_s", "J1_per_GPa", "tau1_s"] {
         assert!(fit.unidentifiable.iter().all(|u| !u.parameters.iter().any(|p| p == name)), "{:?}", fit.unidentifiable);
     }
-    // Its profile does not end before the longest time that a fit may take. That of the wave speed ends where the slow element cannot follow
-    // as far as the linear interval believes, so it is the narrower one.
+    // Its profile does not end before the longest time that a fit may take. That of the wave speed ends where the slow
+    // element cannot follow as far as the linear interval believes, so it is the narrower one.
     let which: Vec<usize> =
         ["wave_speed_m_s", "tau2_s"].map(|name| fit.parameters.iter().position(|p| p.name == name).unwrap()).to_vec();
     let profiles = profiles(&rig, &runs, &fit, &which, &options, &|_| {}).unwrap();

@@ -1,6 +1,7 @@
 //! How a valve closed, read back from a recording by the program.
 //!
-//! The recordings come from a simulator that shares nothing with this project (recordings/README.md); its closure is linear.
+//! The recordings come from a simulator that shares nothing with this project (recordings/README.md); its closure is
+//! linear.
 
 use std::process::Output;
 
@@ -88,7 +89,8 @@ fn without_a_sensor_at_the_valve_it_says_so_at_once() {
     refused(&["valve", CREEP, "--rig", text(&path)], &["no pressure sensor stands at the valve"]);
 }
 
-/// Two valves of a branched rig, each with its own time and start: a fit finds both, and a diagnosis says whose law it is.
+/// Two valves of a branched rig, each with its own time and start: a fit finds both, and a diagnosis says whose law it
+/// is.
 #[test]
 fn each_of_two_valves_is_calibrated_and_diagnosed() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,4 +1,5 @@
-//! What a lab relies on when nobody looks: `surgescope watch` does each recording once, says what it cannot do, and survives being killed.
+//! What a lab relies on when nobody looks: `surgescope watch` does each recording once, says what it cannot do, and
+//! survives being killed.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -98,7 +99,8 @@ fn a_recording_is_waited_for_until_it_has_its_end() {
     let (code, out, err) = once(folder.path(), &[]);
     assert_eq!((code, out.as_str()), (3, ""), "{err}");
     assert!(err.contains("growing.mcap: is still being written"), "{err}");
-    // One that does not grow is called torn, once, with what to do about it, and taken up all the same when it does grow.
+    // One that does not grow is called torn, once, with what to do about it, and taken up all the same when it does
+    // grow.
     std::thread::sleep(Duration::from_millis(150));
     let (code, _, err) = once(folder.path(), &["--torn-after", "0.1"]);
     assert!(code == 3 && err.contains("surgescope recover"), "{err}");
@@ -144,7 +146,8 @@ fn a_killed_watch_does_nothing_twice_and_leaves_nothing_out() {
         recorded(&folder.path().join(format!("run-{n}.mcap")), "5", &format!("run={n}"));
     }
     let mut printed = String::new();
-    // Killed at once; in the middle of the first fit; right after a fit was written, before or after it is entered; soon after.
+    // Killed at once; in the middle of the first fit; right after a fit was written, before or after it is entered;
+    // soon after.
     printed += &Watcher::start(folder.path()).kill();
     let begun = || {
         Index::read(folder.path()).is_ok_and(|i| i.all().is_ok_and(|all| all.iter().any(|r| r.state == State::Running)))
@@ -180,7 +183,8 @@ fn a_killed_watch_does_nothing_twice_and_leaves_nothing_out() {
     assert_eq!(out, "", "something was done again");
 }
 
-/// Five kills in a row are no verdict: the run is named, the exit code says that it is not done, and it is tried again later.
+/// Five kills in a row are no verdict: the run is named, the exit code says that it is not done, and it is tried again
+/// later.
 #[test]
 fn a_run_killed_too_often_is_named_until_its_pause_is_over() {
     let folder = tempfile::tempdir().unwrap();
@@ -200,7 +204,8 @@ fn a_run_killed_too_often_is_named_until_its_pause_is_over() {
     assert_done(folder.path(), &runs(folder.path())["run.mcap"]);
 }
 
-/// A copy that sets its place aside first is no damaged recording, and a failure is forgotten when another recording has its name.
+/// A copy that sets its place aside first is no damaged recording, and a failure is forgotten when another recording
+/// has its name.
 #[test]
 fn a_copy_under_way_is_waited_for_and_what_stood_under_a_name_before_is_gone() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,4 +1,5 @@
-//! `record --live`: a client gets what the file gets, nobody can do more than watch, and a client that does not read changes nothing.
+//! `record --live`: a client gets what the file gets, nobody can do more than watch, and a client that does not read
+//! changes nothing.
 #![cfg(feature = "live")]
 
 use std::collections::BTreeMap;
@@ -110,7 +111,8 @@ impl Client {
         serde_json::from_slice(&payload).unwrap()
     }
 
-    /// Subscribes to every channel that comes; all messages up to the farewell by topic, log time and data, and the channels.
+    /// Subscribes to every channel that comes; all messages up to the farewell by topic, log time and data, and the
+    /// channels.
     fn take_all(mut self) -> (Messages, Vec<Value>) {
         let (mut messages, mut channels) = (Messages::new(), Vec::<Value>::new());
         loop {

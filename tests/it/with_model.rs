@@ -65,7 +65,8 @@ fn modelled(messages: &[(u64, Vec<u8>)]) -> Vec<(u64, f64)> {
     messages.iter().map(|(time, data)| (*time, Modelled::decode(&data[..]).unwrap().value.unwrap())).collect()
 }
 
-/// The residual is what was measured minus what is modelled, at the times of the samples; all that was there is there as it was.
+/// The residual is what was measured minus what is modelled, at the times of the samples; all that was there is there
+/// as it was.
 #[test]
 fn a_copy_holds_the_recording_and_the_model_beside_it() {
     let (folder, model) = model_of(CREEP);

@@ -1,6 +1,6 @@
-//! Column separation as measured in the copper pipe of the University of Adelaide (Bergant & Simpson 1999, J. Hydraul. Eng.
-//! 125(8):835-848): what the models make of it, and what they need for that. `docs/src/measured/adelaide.md` says what follows from it;
-//! `cargo test --test it model::adelaide -- --nocapture` prints its numbers.
+//! Column separation as measured in the copper pipe of the University of Adelaide (Bergant & Simpson 1999, J. Hydraul.
+//! Eng. 125(8):835-848): what the models make of it, and what they need for that. `docs/src/measured/adelaide.md` says
+//! what follows from it; `cargo test --test it model::adelaide -- --nocapture` prints its numbers.
 
 use surgescope_core::rig::Rig;
 
@@ -44,10 +44,11 @@ fn against(effects: &str, values: &[f64], supply_m: f64, reaches: usize) -> Agai
     found
 }
 
-/// The pulse at 0.3 m/s without friction. With `y` the supply's head above that of vapour at the valve, the closure's `aV/g` is more
-/// than `y`, so that a cavity opens after `2L/a`; the water leaves it with `g/a (aV/g - y)`, comes back `2y` slower and fills it before
-/// another `2L/a` is over. The head then rises by `3y - aV/g`, and by `2y` more when what the supply sends back arrives: to
-/// `H_vapour + 5y - aV/g`, for as long as the cavity took to fill. Five times the head of the supply.
+/// The pulse at 0.3 m/s without friction. With `y` the supply's head above that of vapour at the valve, the closure's
+/// `aV/g` is more than `y`, so that a cavity opens after `2L/a`; the water leaves it with `g/a (aV/g - y)`, comes back
+/// `2y` slower and fills it before another `2L/a` is over. The head then rises by `3y - aV/g`, and by `2y` more when
+/// what the supply sends back arrives: to `H_vapour + 5y - aV/g`, for as long as the cavity took to fill. Five times
+/// the head of the supply.
 #[test]
 fn the_short_pulse_has_its_closed_form() {
     let mut rig = rig();
@@ -67,8 +68,8 @@ fn the_short_pulse_has_its_closed_form() {
     }
 }
 
-/// With the supply as published, and steady friction, the severe test is met within 10% (peak) and 5% (cavities); the pulse of the
-/// moderate one is 6% too high on every grid, 4.6% with unsteady friction: not within 3%.
+/// With the supply as published, and steady friction, the severe test is met within 10% (peak) and 5% (cavities); the
+/// pulse of the moderate one is 6% too high on every grid, 4.6% with unsteady friction: not within 3%.
 #[test]
 fn with_the_published_head_the_severe_test_is_met_and_the_pulse_is_too_high() {
     for reaches in [32, 64, 128, 256] {
@@ -81,9 +82,9 @@ fn with_the_published_head_the_severe_test_is_met_and_the_pulse_is_too_high() {
     }
 }
 
-/// One number taken from the measurement, the supply's head from the first cavity at 1.4 m/s: then everything else is met,
-/// the pulse at 0.3 m/s within 3%. (On 64 reaches the second cavity comes and goes by 1% with the collapse of the small ones beside
-/// it, and is up to 5.7% short.)
+/// One number taken from the measurement, the supply's head from the first cavity at 1.4 m/s: then everything else is
+/// met, the pulse at 0.3 m/s within 3%. (On 64 reaches the second cavity comes and goes by 1% with the collapse of the
+/// small ones beside it, and is up to 5.7% short.)
 #[test]
 fn with_the_head_from_the_first_cavity_all_is_met() {
     let (mut low, mut high) = (19.0, 23.0);
@@ -102,8 +103,9 @@ fn with_the_head_from_the_first_cavity_all_is_met() {
     }
 }
 
-/// One number of the water that nobody published, its free gas, of which two to three millionths cushion the short cavity of the
-/// moderate test and leave the severe one as it is: with the head as published, and steady friction, everything is met.
+/// One number of the water that nobody published, its free gas, of which two to three millionths cushion the short
+/// cavity of the moderate test and leave the severe one as it is: with the head as published, and steady friction,
+/// everything is met.
 #[test]
 fn with_a_trace_of_free_gas_all_is_met_at_the_published_head() {
     for gas in [2e-6, 2.5e-6, 3e-6] {
@@ -118,8 +120,8 @@ fn with_a_trace_of_free_gas_all_is_met_at_the_published_head() {
     assert!(against("entrained-gas", &[2e-7], SUPPLY_M, 256).highest > 0.05);
 }
 
-/// Other ways to a lower pulse, each at the published head. With free gas and unsteady friction both, the cavities are 5 and 9%
-/// short; instantaneous accelerations bring it down too, and leave the second cavity 15 to 19% short.
+/// Other ways to a lower pulse, each at the published head. With free gas and unsteady friction both, the cavities are
+/// 5 and 9% short; instantaneous accelerations bring it down too, and leave the second cavity 15 to 19% short.
 #[test]
 fn what_else_lowers_the_pulse_misses_elsewhere() {
     let gas = [64, 256].map(|reaches| against("entrained-gas,unsteady-friction", &[1e-6, 2e-4], SUPPLY_M, reaches));

@@ -1,5 +1,5 @@
-//! Every effect of the catalogue in one table: at vanishing strength it leaves the base model, and refining the grid converges at
-//! the order that theory gives. What stands in `docs/src/measured/orders.md` is what this measures.
+//! Every effect of the catalogue in one table: at vanishing strength it leaves the base model, and refining the grid
+//! converges at the order that theory gives. What stands in `docs/src/measured/orders.md` is what this measures.
 
 use std::collections::BTreeSet;
 
@@ -16,11 +16,12 @@ const HEAD_M: f64 = 60.0;
 /// So far above vapour's that what little vapour there is yields nothing.
 const HIGH_HEAD_M: f64 = 1e5;
 const JOUKOWSKY_M: f64 = WAVE_SPEED_M_S * VELOCITY_M_S / 9.81;
-/// A place that lies between nodes in the same way, or mirrored, however often a grid of 64 reaches is halved. Elsewhere the order
-/// that is seen goes up and down with how the place lies.
+/// A place that lies between nodes in the same way, or mirrored, however often a grid of 64 reaches is halved.
+/// Elsewhere the order that is seen goes up and down with how the place lies.
 const THIRD_M: f64 = LENGTH_M / 3.0;
 
-/// The same for the corners of a valve's law: 637/3 steps of the grid of 64 reaches, the inflection after 236/3 of them.
+/// The same for the corners of a valve's law: 637/3 steps of the grid of 64 reaches, the inflection after 236/3 of
+/// them.
 const VALVE_CLOSES_S: f64 = 637.0 / 3.0 * LENGTH_M / WAVE_SPEED_M_S / 64.0;
 const INFLECTION: f64 = 236.0 / 637.0;
 
@@ -41,7 +42,8 @@ struct Row {
     gone: &'static [f64],
     /// Values at which it is all but gone.
     faint: &'static [f64],
-    /// It cuts the pipe at a joint, which takes friction about the flow of the step before, where an inner node takes it about its own.
+    /// It cuts the pipe at a joint, which takes friction about the flow of the step before, where an inner node takes
+    /// it about its own.
     cuts: bool,
     closure: Form,
     closing_s: f64,
@@ -90,8 +92,8 @@ const TABLE: [Row; 24] = [
         faint: &[1e-13, 0.03, 1e-13, 0.5],
         ..ROW
     },
-    // A kernel like 1/√t over a flow that is linear within a step: 2 - ½, as every such scheme of a half derivative has (Lin & Xu
-    // 2007, J. Comput. Phys. 225:1533-1552).
+    // A kernel like 1/√t over a flow that is linear within a step: 2 - ½, as every such scheme of a half derivative has
+    // (Lin & Xu 2007, J. Comput. Phys. 225:1533-1552).
     Row {
         effect: "unsteady-friction",
         case: "kernel as 1/√t",
@@ -130,7 +132,8 @@ const TABLE: [Row; 24] = [
     // They open and close at any time within a step.
     Row { case: "many open, lag of 10 ms", values: &[1e-2], heads_m: [5.0, HIGH_HEAD_M], order: 1.0, ..CAVITY },
     Row { case: "no friction", friction: 0.0, ..LEAK },
-    // Between the nodes from which a leak or a branch takes its flow the loss grows with the square of a flow that grows step by step.
+    // Between the nodes from which a leak or a branch takes its flow the loss grows with the square of a flow that
+    // grows step by step.
     Row { case: "with friction", order: 1.0, ..LEAK },
     Row { effect: "blockage", values: &[THIRD_M, 300.0], gone: &[THIRD_M, 0.0], faint: &[THIRD_M, 1e-12], ..PLACE },
     Row {
@@ -172,7 +175,8 @@ struct Run<'a> {
 }
 
 impl Run<'_> {
-    /// What a sensor at the valve shows and then the head at a quarter of the pipe, each less the valve's head before the closure.
+    /// What a sensor at the valve shows and then the head at a quarter of the pipe, each less the valve's head before
+    /// the closure.
     fn heads(&self, times: &[f64]) -> Vec<f64> {
         let rig = rig(LENGTH_M, 20.0, 2.0, &format!("friction_factor = {}", self.friction));
         let water = water(&rig, 998.2);
@@ -204,8 +208,8 @@ fn the_table_has_every_effect_and_every_variant() {
     assert_eq!(rows, known);
 }
 
-/// Heads of the base model, alone and with creep, to 1e-9 of Joukowsky's: with friction and without where an effect is gone; where
-/// it is all but gone, too, but for the friction at a joint.
+/// Heads of the base model, alone and with creep, to 1e-9 of Joukowsky's: with friction and without where an effect is
+/// gone; where it is all but gone, too, but for the friction at a joint.
 #[test]
 fn at_vanishing_strength_each_effect_leaves_the_base_model() {
     let times: Vec<f64> = (0..1000).map(|i| 6e-3 * f64::from(i)).collect();
@@ -231,8 +235,8 @@ fn at_vanishing_strength_each_effect_leaves_the_base_model() {
     }
 }
 
-/// Heads are compared at the coarsest grid's steps, which all grids have: between steps a corner of a valve's law costs the
-/// interpolation an order. Asserted is nine tenths of the order that theory gives, over both halvings together.
+/// Heads are compared at the coarsest grid's steps, which all grids have: between steps a corner of a valve's law costs
+/// the interpolation an order. Asserted is nine tenths of the order that theory gives, over both halvings together.
 #[test]
 #[ignore = "takes 17 s; CI runs it"]
 fn under_refinement_each_effect_converges_at_the_order_of_theory() {

@@ -15,8 +15,9 @@ pub(crate) const SUPPLY_M: f64 = 22.0;
 pub(crate) const HIGHEST_KPA: f64 = 1015.0;
 /// At 1.4 m/s: the peak after the first cavity, absolute.
 pub(crate) const SECOND_PEAK_KPA: f64 = 2057.0;
-/// At 1.4 m/s: how long both cavities last, read off the digitised trace where it crosses 500 kPa: 0.0629 to 0.3864 s and 0.4435 to
-/// 0.7287 s. (Half way up its steep fronts its doubtful zero moves a crossing by less than a millisecond.)
+/// At 1.4 m/s: how long both cavities last, read off the digitised trace where it crosses 500 kPa: 0.0629 to 0.3864 s
+/// and 0.4435 to 0.7287 s. (Half way up its steep fronts its doubtful zero moves a crossing by less than a
+/// millisecond.)
 pub(crate) const CAVITIES_S: [f64; 2] = [0.3864 - 0.0629, 0.7287 - 0.4435];
 
 pub(crate) fn rig() -> Rig {
@@ -26,7 +27,8 @@ pub(crate) fn rig() -> Rig {
 /// Time, s, and absolute pressure at the valve, kPa.
 pub(crate) type Record = Vec<(f64, f64)>;
 
-/// The head before the valve, m, where the supply has another and pipe friction is `friction_scale` times that of the rig.
+/// The head before the valve, m, where the supply has another and pipe friction is `friction_scale` times that of the
+/// rig.
 pub(crate) fn valve_head_m(rig: &Rig, velocity: f64, supply_m: f64, friction_scale: f64) -> f64 {
     let water = rig.fluid.properties(rig.fluid.temperature_degc);
     let pipe = &rig.pipes[0];
@@ -41,7 +43,8 @@ pub(crate) fn kpa(rig: &Rig, head_m: f64) -> f64 {
     ((head_m - 2.03) * water.density_kg_m3 * G + ATMOSPHERE_PA) / 1e3
 }
 
-/// A run of the rig; effects at their defaults but for `values` of the first ones. Pipe friction is `friction_scale` times that of the rig.
+/// A run of the rig; effects at their defaults but for `values` of the first ones. Pipe friction is `friction_scale`
+/// times that of the rig.
 pub(crate) fn scaled(
     rig: &Rig,
     effects: &str,

@@ -55,8 +55,8 @@ fn times(duration_s: f64) -> Vec<f64> {
     (0..1000).map(|i| duration_s * f64::from(i) / 1000.0).collect()
 }
 
-/// Without friction and before the first reflection comes back, head and flow at the valve follow from the orifice and one
-/// characteristic alone (Wylie & Streeter, ch. 3): `Q = τ Q0 √(H/H0)`, `H = H0 + B (Q0 - Q)`.
+/// Without friction and before the first reflection comes back, head and flow at the valve follow from the orifice and
+/// one characteristic alone (Wylie & Streeter, ch. 3): `Q = τ Q0 √(H/H0)`, `H = H0 + B (Q0 - Q)`.
 fn orifice_head(opening: f64) -> f64 {
     let (mut low, mut high) = (RUN.valve_head_m, RUN.valve_head_m + JOUKOWSKY_M);
     for _ in 0..200 {
@@ -106,7 +106,8 @@ fn through_a_leaking_seat_the_flow_ends_where_friction_and_seat_share_the_head()
     assert!((trace.at(400.0) - end).abs() < 1e-6, "{} {end}", trace.at(400.0));
 }
 
-/// What runs out through the seat during the first plateau is missing from Joukowsky's rise, and it is the gap's, whatever flowed before.
+/// What runs out through the seat during the first plateau is missing from Joukowsky's rise, and it is the gap's,
+/// whatever flowed before.
 #[test]
 fn the_gap_of_a_seat_is_the_same_in_every_run() {
     for velocity in [0.5, 0.25] {

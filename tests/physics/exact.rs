@@ -1,10 +1,11 @@
 //! Exact solutions of the linear problem: reservoir, uniform pipe, prescribed flow at the valve.
 //!
 //! The Laplace transform of the head's deviation,
-//! `dH(x,s) = V0 sR/(g s γ) sinh(γx)/cosh(γL) L{-V'/V0}`, `γ² = sR s χ/a²`, `χ = 1 + F Σ J_k/(1 + s τ_k)`, `F = a² ρ D/e`,
-//! `sR = s` without friction; with all that of laminar flow `s I₀(z)/I₂(z)`, `z = R √(s/ν)` (Zielke 1968); with the unsteady
-//! part of turbulent flow alone `s (1 + (16ν/D²) L{W})`, `L{W} = D²/(8ν)/√(sD²/4ν + B*)` (Vardy & Brown 2003),
-//! is inverted by a Fourier series on a shifted contour (Dubner & Abate 1968; Crump 1976). Nothing here knows of the solver.
+//! `dH(x,s) = V0 sR/(g s γ) sinh(γx)/cosh(γL) L{-V'/V0}`, `γ² = sR s χ/a²`, `χ = 1 + F Σ J_k/(1 + s τ_k)`,
+//! `F = a² ρ D/e`, `sR = s` without friction; with all that of laminar flow `s I₀(z)/I₂(z)`, `z = R √(s/ν)`
+//! (Zielke 1968); with the unsteady part of turbulent flow alone `s (1 + (16ν/D²) L{W})`,
+//! `L{W} = D²/(8ν)/√(sD²/4ν + B*)` (Vardy & Brown 2003), is inverted by a Fourier series on a shifted contour (Dubner &
+//! Abate 1968; Crump 1976). Nothing here knows of the solver.
 
 use nalgebra::Complex;
 

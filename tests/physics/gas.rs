@@ -111,7 +111,8 @@ fn period_s(trace: &Trace, rest_m: f64, from_s: f64) -> f64 {
     (rises[rises.len() - 1] - rises[0]) / (rises.len() - 1) as f64
 }
 
-/// Wylie & Streeter's wave speed of water with gas: `1/a_m² = 1/a² + α H_atm/(g y²)`, `y` the head above that of vapour.
+/// Wylie & Streeter's wave speed of water with gas: `1/a_m² = 1/a² + α H_atm/(g y²)`, `y` the head above that of
+/// vapour.
 #[test]
 fn waves_in_gassy_water_have_wylies_speed() {
     let rig = plain();
@@ -165,8 +166,8 @@ fn small_oscillations_on_a_pocket_have_their_exact_period() {
     }
 }
 
-/// A pocket much softer than the water stops the column: its work, `∫ (p - p0) dV` from the first volume to the least, is what
-/// the column's motion held, and the other way on the way back.
+/// A pocket much softer than the water stops the column: its work, `∫ (p - p0) dV` from the first volume to the least,
+/// is what the column's motion held, and the other way on the way back.
 #[test]
 fn a_pocket_takes_in_and_gives_back_the_energy_of_the_column() {
     let rig = plain();
@@ -192,9 +193,9 @@ fn a_pocket_takes_in_and_gives_back_the_energy_of_the_column() {
     }
 }
 
-/// One cavity at the valve of a level pipe without friction, after a sudden closure: with `d = g y0/a`, `y0` the head above that of
-/// vapour, the water leaves the valve with `V0 - d` in the first `2L/a` after `2L/a`, and `2d` slower in each one after. The cavity
-/// is full when that adds up to nothing, and the head rises by `a/g` of the last velocity.
+/// One cavity at the valve of a level pipe without friction, after a sudden closure: with `d = g y0/a`, `y0` the head
+/// above that of vapour, the water leaves the valve with `V0 - d` in the first `2L/a` after `2L/a`, and `2d` slower in
+/// each one after. The cavity is full when that adds up to nothing, and the head rises by `a/g` of the last velocity.
 #[test]
 fn a_cavity_at_the_valve_lasts_as_long_as_it_must() {
     let rig = plain();

@@ -166,8 +166,8 @@ fn five_kelvin_voigt_elements_converge_to_b1() {
     let errors = [64, 128, 256].map(at);
     assert!(errors[1][0] < 0.02 && errors[1][1] < 0.02, "{errors:?}");
     for place in 0..2 {
-        // An extremum between two steps is written no higher than they are: an error of second order, too, but of a size that goes by where the steps
-        // fall. So the order is that over both halvings.
+        // An extremum between two steps is written no higher than they are: an error of second order, too, but of a
+        // size that goes by where the steps fall. So the order is that over both halvings.
         let [first, second] = orders(&errors.map(|e| e[place]))[..] else { panic!("{errors:?}") };
         assert!(0.5 * (first + second) > 1.9 && first.min(second) > 1.8, "{first} {second}");
     }
@@ -263,8 +263,8 @@ fn rig_of_two_pipes() -> String {
     )
 }
 
-/// Pipes in series: first rise `B2 Q0`, then the reflection `r = (B1 - B2)/(B1 + B2)` of the joint, `2 r` of the rise, although the
-/// joint lies on no node.
+/// Pipes in series: first rise `B2 Q0`, then the reflection `r = (B1 - B2)/(B1 + B2)` of the joint, `2 r` of the rise,
+/// although the joint lies on no node.
 #[test]
 fn a_joint_between_nodes_reflects_as_its_impedances_say() {
     let area = |d: f64| std::f64::consts::FRAC_PI_4 * d * d;
@@ -289,8 +289,8 @@ fn pipes_in_series_converge_smoothly() {
     assert!(orders(&errors).iter().all(|&o| o > 1.7), "{errors:?}");
 }
 
-/// Energy that enters at the valve and the supply equals what friction and the wall take: with the valve shut and a constant
-/// supply the line comes to rest at the supply's head.
+/// Energy that enters at the valve and the supply equals what friction and the wall take: with the valve shut and a
+/// constant supply the line comes to rest at the supply's head.
 #[test]
 fn the_line_comes_to_rest_at_the_supplys_head() {
     let rig = rig(100.0, 20.0, 2.0, "friction_factor = 0.05");
@@ -350,7 +350,8 @@ fn small_creep_damps_and_stretches_as_perturbation_theory_says() {
     let period = 4.0 * problem.length / problem.wave_speed;
     let decrement = std::f64::consts::PI * f * j * w * tau / (1.0 + (w * tau).powi(2));
     let stretch = 0.5 * f * j / (1.0 + (w * tau).powi(2));
-    // First harmonic over a window of one period, early and late: the phase turns by 2π n stretch, the size shrinks by n decrements.
+    // First harmonic over a window of one period, early and late: the phase turns by 2π n stretch, the size shrinks by
+    // n decrements.
     let n = 100.0;
     let harmonic = |from: f64| {
         let samples = 2000;
@@ -368,7 +369,8 @@ fn small_creep_damps_and_stretches_as_perturbation_theory_says() {
     assert!((measured_stretch / stretch - 1.0).abs() < 0.03, "{measured_stretch} {stretch}");
 }
 
-/// An upstream end that is measured drives the model: with a constant record it is a reservoir, with a step the step arrives.
+/// An upstream end that is measured drives the model: with a constant record it is a reservoir, with a step the step
+/// arrives.
 #[test]
 fn a_measured_head_drives_the_line() {
     let mut rig = rig(100.0, 20.0, 2.0, "friction_factor = 0.0");

@@ -1,4 +1,5 @@
-//! Pipes that branch: exact coefficients at a tee and a dead end, one line split into a network, refinement, conservation, pumps and valves.
+//! Pipes that branch: exact coefficients at a tee and a dead end, one line split into a network, refinement,
+//! conservation, pumps and valves.
 
 use surgescope_core::model::boundary::Closure;
 use surgescope_core::model::effects::parse_list;
@@ -66,7 +67,8 @@ fn largest_difference(a: &Trace, b: &Trace, duration_s: f64) -> f64 {
     (0..2000).map(|i| f64::from(i) * duration_s / 2000.0).map(|t| (a.at(t) - b.at(t)).abs()).fold(0.0, f64::max)
 }
 
-/// `s = 2 Y₁/(Y₁ + Y₂ + Y₃)`, `Y = gA/a`, passes on at a tee, `s - 1` comes back (Wylie & Streeter 1993, ch. 3); at a dead end the wave doubles.
+/// `s = 2 Y₁/(Y₁ + Y₂ + Y₃)`, `Y = gA/a`, passes on at a tee, `s - 1` comes back (Wylie & Streeter 1993, ch. 3); at a
+/// dead end the wave doubles.
 #[test]
 fn a_tee_and_a_dead_end_have_their_coefficients() {
     let pipes = [
@@ -92,10 +94,12 @@ fn a_tee_and_a_dead_end_have_their_coefficients() {
     near(heads[3].at(0.6), 2.0 * joukowsky * passed, "the dead end");
 }
 
-/// The same line, whole and in three pieces, one of them laid the other way: the same to rounding, with all terms along it.
+/// The same line, whole and in three pieces, one of them laid the other way: the same to rounding, with all terms along
+/// it.
 #[test]
 fn a_line_split_into_a_network_is_the_line() {
-    // Without friction to rounding. At the end of a segment quadratic friction is linearised about the last flow, so that a cut shows there.
+    // Without friction to rounding. At the end of a segment quadratic friction is linearised about the last flow, so
+    // that a cut shows there.
     for (friction, bound) in [(0.0, 1e-9), (0.03, 5e-4)] {
         split(friction, bound);
     }
@@ -132,8 +136,9 @@ fn split(friction: f64, bound: f64) {
     }
 }
 
-/// Lengths that no common step divides. Ours enter as they are; the usual way changes wave speeds until each pipe has whole reaches. Errors against a grid
-/// forty times as fine, RMS over 20 returns of the wave: the page on networks has the table.
+/// Lengths that no common step divides. Ours enter as they are; the usual way changes wave speeds until each pipe has
+/// whole reaches. Errors against a grid forty times as fine, RMS over 20 returns of the wave: the page on networks has
+/// the table.
 #[test]
 fn lengths_enter_unadjusted_and_the_error_falls_with_the_square_of_the_step() {
     let pipes = [
@@ -182,7 +187,8 @@ fn lengths_enter_unadjusted_and_the_error_falls_with_the_square_of_the_step() {
     assert!(order > 1.7, "order {order}");
 }
 
-/// A burst in the middle of a line at rest: `q = CdA √(2g H)` comes from both sides, `H = H0 - B q/2`. The table of its opening says how it grows.
+/// A burst in the middle of a line at rest: `q = CdA √(2g H)` comes from both sides, `H = H0 - B q/2`. The table of its
+/// opening says how it grows.
 #[test]
 fn a_burst_takes_what_its_opening_and_the_pipes_allow() {
     let burst = "name = \"burst\"; kind = \"junction\"; elevation_m = 4.0; cda_mm2 = 30.0; opening = [[0.1, 0.0], [0.11, 0.5], [0.2, 0.5], [0.21, 1.0]]";
@@ -229,7 +235,8 @@ fn pumped() -> Rig {
     rig(&PUMPED, &pipes, 0.025)
 }
 
-/// Before the closure nothing moves: every element's law holds and every node's flows add up. Afterwards energy and water are all accounted for.
+/// Before the closure nothing moves: every element's law holds and every node's flows add up. Afterwards energy and
+/// water are all accounted for.
 #[test]
 fn a_pump_a_tank_a_loop_and_four_kinds_of_valve_balance() {
     let rig = pumped();
@@ -327,7 +334,8 @@ fn two_valves_that_close_alike_are_one_of_twice_the_flow() {
     assert!(largest_difference(&later[3], &whole[0], 0.4) > 1.0);
 }
 
-/// What one valve does to the other, that one does to it where their names change places. Each is an orifice of its own opening, and energy is accounted for.
+/// What one valve does to the other, that one does to it where their names change places. Each is an orifice of its own
+/// opening, and energy is accounted for.
 #[test]
 fn each_valve_has_its_own_time_law_and_start() {
     let (area, quick) = (cda_mm2(40.0, 0.5), "closing_time_s = 0.1");

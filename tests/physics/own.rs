@@ -1,4 +1,5 @@
-//! Effects of one's own: effects of the catalogue, written as files, give the same traces; each place of a law does what its equation says.
+//! Effects of one's own: effects of the catalogue, written as files, give the same traces; each place of a law does
+//! what its equation says.
 
 use super::{relative_rms, rig, water};
 use surgescope_core::model::boundary::Closure;

@@ -1,4 +1,5 @@
-//! Effects at one place of the line, against the exact solution of the linear network, reflections by hand, and conservation.
+//! Effects at one place of the line, against the exact solution of the linear network, reflections by hand, and
+//! conservation.
 
 use super::exact::{Ramp, invert};
 use super::{cosine, cycloid, largest_error, linear, relative_rms, rig};
@@ -81,8 +82,8 @@ enum Part {
     Branch(f64, f64),
 }
 
-/// Exact deviation of the head at the valve when the flow there falls from `flow` to nothing: the product of the parts' transfer
-/// matrices (Chaudhry 2014, Applied Hydraulic Transients, ch. 8), inverted.
+/// Exact deviation of the head at the valve when the flow there falls from `flow` to nothing: the product of the parts'
+/// transfer matrices (Chaudhry 2014, Applied Hydraulic Transients, ch. 8), inverted.
 fn network(parts: &[Part], flow: f64, ramp: Ramp, times: &[f64]) -> Vec<f64> {
     let transform = |s: C| {
         let (mut h, mut q) = (C::from(0.0), C::from(1.0));
@@ -103,8 +104,8 @@ fn network(parts: &[Part], flow: f64, ramp: Ramp, times: &[f64]) -> Vec<f64> {
     invert(transform, times)
 }
 
-/// Errors against the exact solution fall by the square of the step. How a place lies between nodes makes single halvings
-/// uneven, so the order is that of four together.
+/// Errors against the exact solution fall by the square of the step. How a place lies between nodes makes single
+/// halvings uneven, so the order is that of four together.
 fn assert_second_order(case: Case, exact: &[f64], times: &[f64], at_160: f64) {
     let errors = [40, 160, 640].map(|n| relative_rms(&case.head(n, times), exact));
     let order = 0.25 * (errors[0] / errors[2]).log2();
@@ -167,8 +168,8 @@ fn a_branch_converges_to_the_exact_solution() {
     }
 }
 
-/// A leak of any size passes on a step `h` of `2(h' - h)/B = Q(H) - Q(H + h')` and sends back `h' - h`, which the shut valve
-/// doubles.
+/// A leak of any size passes on a step `h` of `2(h' - h)/B = Q(H) - Q(H + h')` and sends back `h' - h`, which the shut
+/// valve doubles.
 #[test]
 fn a_leak_reflects_as_its_orifice_says() {
     let (x, cda_mm2, velocity) = (50.0, 40.0, 0.5);
@@ -199,7 +200,8 @@ fn a_blockage_reflects_as_its_loss_says() {
     assert!((lost - k * velocity * velocity / (2.0 * G)).abs() < 1e-9, "{lost}");
 }
 
-/// A section whose ends lie on nodes: `(B₂ - B₁)/(B₂ + B₁)` from its near end, then the far end's, in their travel times.
+/// A section whose ends lie on nodes: `(B₂ - B₁)/(B₂ + B₁)` from its near end, then the far end's, in their travel
+/// times.
 #[test]
 fn a_section_reflects_as_its_impedances_say() {
     let (start, length, ratio, velocity) = (40.0, 40.0, 2.0, 0.5);
@@ -220,8 +222,8 @@ fn a_section_reflects_as_its_impedances_say() {
     assert!(before - after > rise, "{before} {after}");
 }
 
-/// Three equal pipes meet: `-1/3` comes back, and what goes into the branch and comes out of it, `(2/3)²` of the step, after the
-/// branch's travel time there and back.
+/// Three equal pipes meet: `-1/3` comes back, and what goes into the branch and comes out of it, `(2/3)²` of the step,
+/// after the branch's travel time there and back.
 #[test]
 fn a_branch_reflects_a_third_and_echoes() {
     let (x, length, velocity) = (50.0, 20.0, 0.5);

@@ -152,7 +152,8 @@ fn laminar_friction_converges_to_b2() {
     assert!(orders(&errors).iter().all(|&o| o > 1.3), "{errors:?}");
 }
 
-/// Relative rms at the valve over 13 periods, both closures. What is left on fine grids is the sum of exponentials' own error.
+/// Relative rms at the valve over 13 periods, both closures. What is left on fine grids is the sum of exponentials' own
+/// error.
 #[test]
 fn laminar_friction_is_exact_to_a_thousandth_at_240_reaches() {
     for ramp in [Ramp::Cosine(0.009), Ramp::Cycloid(0.009)] {
@@ -192,8 +193,8 @@ fn friction_and_creep_together_are_exact() {
     assert!(error < 1e-3, "{error}");
 }
 
-/// Second-order in space and time but for the kernel's `1/√t`: it leaves an order of 1.5 behind a front. Brunone's differences
-/// are upwind: order 1.
+/// Second-order in space and time but for the kernel's `1/√t`: it leaves an order of 1.5 behind a front. Brunone's
+/// differences are upwind: order 1.
 #[test]
 fn refinement_converges_at_the_order_of_theory() {
     for (effects, viscosity, least) in
@@ -206,7 +207,8 @@ fn refinement_converges_at_the_order_of_theory() {
     }
 }
 
-/// The gate of every friction model: the first rise is Joukowsky's plus packing at every grid, and grids agree ever better.
+/// The gate of every friction model: the first rise is Joukowsky's plus packing at every grid, and grids agree ever
+/// better.
 #[test]
 #[ignore = "takes 22 s; CI runs it"]
 fn the_first_rise_is_joukowskys_at_every_grid() {
@@ -253,9 +255,9 @@ fn nothing_grows_however_strong_the_friction() {
     }
 }
 
-/// Brunone without steady friction, sudden closure: a wave that slows the flow keeps speed `a` and `ΔH = -a ΔV/g`, one that speeds it
-/// up has speed `a/(1+k)` and `ΔH = a (1+k) ΔV/g` (the equation's characteristics). So each reflection at the supply divides
-/// head and flow by `1 + k`, and `n` half periods last `n (2 + k) L/a`.
+/// Brunone without steady friction, sudden closure: a wave that slows the flow keeps speed `a` and `ΔH = -a ΔV/g`, one
+/// that speeds it up has speed `a/(1+k)` and `ΔH = a (1+k) ΔV/g` (the equation's characteristics). So each reflection
+/// at the supply divides head and flow by `1 + k`, and `n` half periods last `n (2 + k) L/a`.
 #[test]
 fn brunones_plateaus_fall_by_one_plus_k() {
     let velocity = 0.001;

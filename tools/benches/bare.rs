@@ -1,5 +1,5 @@
-//! The same arithmetic as bare loops: one pipe, one reservoir, one valve, nothing else. What a specialist would write by hand
-//! for exactly one case, to measure what the solver pays for its generality.
+//! The same arithmetic as bare loops: one pipe, one reservoir, one valve, nothing else. What a specialist would write
+//! by hand for exactly one case, to measure what the solver pays for its generality.
 
 /// One uniform pipe and its closure.
 #[derive(Clone, Copy)]
@@ -129,7 +129,8 @@ impl Pipe {
         trace
     }
 
-    /// Unsteady friction by convolution with `K` exponentials. `kernel` holds the head a reach takes, m per m/s, and the decay, 1/s.
+    /// Unsteady friction by convolution with `K` exponentials. `kernel` holds the head a reach takes, m per m/s, and
+    /// the decay, 1/s.
     pub fn unsteady_friction<const K: usize>(&self, steps: usize, kernel: [(f64, f64); K]) -> Vec<f64> {
         let (n, b, r) = (self.reaches + 1, self.b_s, self.r);
         let Nodes { mut h, mut v, mut new_h, mut new_v } = self.nodes();

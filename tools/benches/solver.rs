@@ -1,9 +1,12 @@
-//! What the solver's generality costs: `Model::simulate` against bare loops of the same arithmetic (`bare.rs`), one thread, in
-//! one run. `cargo bench --bench solver` prints node-steps a second and the ratio; it fails where a ratio falls under its bar.
+//! What the solver's generality costs: `Model::simulate` against bare loops of the same arithmetic (`bare.rs`), one
+//! thread, in one run. `cargo bench --bench solver` prints node-steps a second and the ratio; it fails where a ratio
+//! falls under its bar.
 //!
-//! Both sides take turns, and each counts its best turn: what else runs on the machine slows a turn, nothing speeds one up.
+//! Both sides take turns, and each counts its best turn: what else runs on the machine slows a turn, nothing speeds one
+//! up.
 //!
-//! `RUSTFLAGS="-C target-cpu=native" cargo bench --bench solver` builds the bare loops for this machine alone, as a specialist would.
+//! `RUSTFLAGS="-C target-cpu=native" cargo bench --bench solver` builds the bare loops for this machine alone, as a
+//! specialist would.
 
 mod bare;
 

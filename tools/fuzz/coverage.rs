@@ -1,4 +1,5 @@
-//! Which branches an input takes, by the counters that LLVM's SanitizerCoverage puts into code built by `tools/fuzz/run`.
+//! Which branches an input takes, by the counters that LLVM's SanitizerCoverage puts into code built by
+//! `tools/fuzz/run`.
 
 use std::sync::Mutex;
 

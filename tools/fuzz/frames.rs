@@ -29,7 +29,8 @@ impl wire::Decoder for Decoder {
     }
 }
 
-/// The input as it came, and as a recipe: frames that get their check sum and their COBS here (kind 1), bytes between them.
+/// The input as it came, and as a recipe: frames that get their check sum and their COBS here (kind 1), bytes between
+/// them.
 pub fn frames(input: &[u8]) {
     wire::whole_and_cut(input, against_oracle);
     let mut sent = Vec::new();
@@ -103,7 +104,8 @@ fn against_oracle(sent: &[u8], cuts: &[usize]) {
     assert!(lost <= counts.lost, "{lost} frames said to be missing, {} counted", counts.lost);
 }
 
-/// The frames in a stream, and how many pieces are none; what a stretch begins with may be the rest of a frame, and is not counted.
+/// The frames in a stream, and how many pieces are none; what a stretch begins with may be the rest of a frame, and is
+/// not counted.
 fn read(sent: &[u8], cuts: &[usize]) -> (Vec<Sent>, u64) {
     let (mut good, mut bad) = (Vec::new(), 0);
     let stretches = wire::stretches(sent, cuts);

@@ -37,7 +37,8 @@ struct Sent {
     numbers: Option<(u64, Vec<Option<f64>>)>,
 }
 
-/// What comes out was sent, in order and each line once; all that was sent is counted; the reader says where a bad line stands between two.
+/// What comes out was sent, in order and each line once; all that was sent is counted; the reader says where a bad line
+/// stands between two.
 fn against_oracle(sent: &[u8], cuts: &[usize]) {
     let (events, counts) = wire::decoded::<Decoder>(sent, cuts);
     let all = read(sent, cuts);

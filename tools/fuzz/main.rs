@@ -4,11 +4,12 @@
 //! tools/fuzz/run csv 600          # one target, seconds; without arguments every target for ten minutes
 //! ```
 //!
-//! A mutation fuzzer in the manner of AFL and libFuzzer that builds on stable Rust without a system package: the inputs of
-//! `corpus/TARGET` and all that have led to new code are mutated again and again. `run` has the compiler count the branches
-//! of this workspace; built without it (`cargo run -p surgescope-tools --bin fuzz -- csv 60`) the fuzzer mutates blindly. The
-//! same seed gives the same run. What panics, takes more than a second or asks for more than 256 MiB at once is kept in
-//! `found/`; the exit code is then 1. A new target is one line in `targets.rs` and a folder in `corpus/`.
+//! A mutation fuzzer in the manner of AFL and libFuzzer that builds on stable Rust without a system package: the inputs
+//! of `corpus/TARGET` and all that have led to new code are mutated again and again. `run` has the compiler count the
+//! branches of this workspace; built without it (`cargo run -p surgescope-tools --bin fuzz -- csv 60`) the fuzzer
+//! mutates blindly. The same seed gives the same run. What panics, takes more than a second or asks for more than 256
+//! MiB at once is kept in `found/`; the exit code is then 1. A new target is one line in `targets.rs` and a folder in
+//! `corpus/`.
 
 mod allocation;
 mod coverage;

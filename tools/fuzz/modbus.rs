@@ -1,4 +1,5 @@
-//! Modbus RTU: what is taken for an answer, against a reading of the specification that shares no code with the program's.
+//! Modbus RTU: what is taken for an answer, against a reading of the specification that shares no code with the
+//! program's.
 
 use surgescope::record::wire::modbus::{Parsed, Request, parse};
 
@@ -8,8 +9,8 @@ use super::slave::{function, honest, refusal, sealed};
 /// No answer is longer.
 const LONGEST: usize = 257;
 
-/// Unit, flags, first register and number of registers (a byte each), then bytes of answers, which are a recipe of what the line does
-/// to the poller too.
+/// Unit, flags, first register and number of registers (a byte each), then bytes of answers, which are a recipe of what
+/// the line does to the poller too.
 pub fn modbus(input: &[u8]) {
     let Some((&[unit, flags, start, count], bytes)) = input.split_first_chunk() else { return };
     let read = Request::Read { input: flags & 1 != 0, start: start.into(), count: u16::from(count % 125) + 1 };

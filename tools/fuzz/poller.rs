@@ -1,4 +1,5 @@
-//! The poller of a Modbus slave that answers in order, late, twice or not at all, on a line that flips bits or says anything.
+//! The poller of a Modbus slave that answers in order, late, twice or not at all, on a line that flips bits or says
+//! anything.
 
 use std::cell::RefCell;
 use std::collections::VecDeque;
@@ -20,8 +21,8 @@ const MOST_READS: usize = 40;
 /// Registers from here on are refused.
 const REFUSED_FROM: u16 = 700;
 
-/// Reads groups in turn on a line that does what the recipe says. Words come only from the one answer on the line that fits, and, as long
-/// as nobody else speaks on it, they are those of the registers asked for.
+/// Reads groups in turn on a line that does what the recipe says. Words come only from the one answer on the line that
+/// fits, and, as long as nobody else speaks on it, they are those of the registers asked for.
 pub fn poll(unit: u8, flags: u8, start: u8, count: u8, bytes: &[u8]) {
     fastrand::seed(start.into());
     let (input, start, count) = (flags & 1 != 0, u16::from(start), u16::from(count % 4) + 1);

@@ -94,7 +94,8 @@ position_m = 50.0
 unit = "bar"
 "#;
 
-/// Reads a file of another program, and brings it to the sensors of a rig: what comes out can be written as a recording.
+/// Reads a file of another program, and brings it to the sensors of a rig: what comes out can be written as a
+/// recording.
 fn foreign(input: &[u8], name: &str, options: &SourceOptions) {
     static RIG: std::sync::LazyLock<Rig> =
         std::sync::LazyLock::new(|| Rig::from_toml(BENCH, "bench.toml").expect("a rig"));

@@ -15,8 +15,8 @@ pub trait Decoder: Default {
     fn began_ns(event: &mut Self::Event) -> Option<&mut i64>;
 }
 
-/// Decodes a stream that was cut off at `cuts`, byte by byte: an event's arrival is then the place of its first byte. Other splits
-/// must give the same events and counts, with the arrival of the piece that the first byte came in.
+/// Decodes a stream that was cut off at `cuts`, byte by byte: an event's arrival is then the place of its first byte.
+/// Other splits must give the same events and counts, with the arrival of the piece that the first byte came in.
 pub fn decoded<D: Decoder>(wire: &[u8], cuts: &[usize]) -> (Vec<D::Event>, D::Counts) {
     let (events, counts) = in_pieces::<D>(wire, cuts, 1);
     let sum: usize = wire.iter().map(|&byte| usize::from(byte)).sum();
@@ -83,7 +83,8 @@ pub fn ended_pieces(stretch: &[u8], end: u8) -> (Vec<(usize, &[u8])>, &[u8]) {
     (pieces, rest)
 }
 
-/// An input as a recipe: pieces of a kind (one byte), a length (two, little endian) and so many bytes, as far as they go.
+/// An input as a recipe: pieces of a kind (one byte), a length (two, little endian) and so many bytes, as far as they
+/// go.
 pub fn recipe(mut input: &[u8]) -> impl Iterator<Item = (u8, &[u8])> {
     std::iter::from_fn(move || {
         let (&[kind, low, high], rest) = input.split_first_chunk()?;

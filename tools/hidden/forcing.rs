@@ -1,4 +1,5 @@
-//! What no effect of the catalogue is: forcings whose place and waveform `explain` should find. Each has a law of its own in the scheme's steps.
+//! What no effect of the catalogue is: forcings whose place and waveform `explain` should find. Each has a law of its
+//! own in the scheme's steps.
 
 use std::f64::consts::TAU;
 
@@ -33,7 +34,8 @@ pub enum Forced {
     SwingingCheck { loss: f64, hz: f64, damping: f64 },
     /// A sensor shows only a share of what goes beyond a head, m.
     SaturatingSensor { sensor: usize, above_m: f64, share: f64 },
-    /// The wall strains by `by d abs(d)`, d being the head's deviation, m: it only ever softens, for a stiffer one outruns the scheme.
+    /// The wall strains by `by d abs(d)`, d being the head's deviation, m: it only ever softens, for a stiffer one
+    /// outruns the scheme.
     NonlinearWall { by: f64 },
     /// The supply is a small tank, area m², whose surface also sloshes: amplitude m, frequency Hz, decay s.
     FreeSurface { area_m2: f64, slosh_m: f64, hz: f64, decay_s: f64 },
@@ -153,7 +155,8 @@ impl SupplyState {
         SupplyState { opening: 1.0, ..SupplyState::default() }
     }
 
-    /// Head over that before the closure after a step that ends at `t`, with the flow out of the supply in it; steady until the closure.
+    /// Head over that before the closure after a step that ends at `t`, with the flow out of the supply in it; steady
+    /// until the closure.
     pub fn head_m(&mut self, forced: &Forced, flow_m3_s: f64, steady_m3_s: f64, t: f64, dt: f64) -> f64 {
         match *forced {
             Forced::SwingingCheck { loss, hz, damping } => {
@@ -172,7 +175,8 @@ impl SupplyState {
     }
 }
 
-/// Where a hidden forcing is, its unit and its waveform in every run, with the root mean square of what it does to the sensors over the noise.
+/// Where a hidden forcing is, its unit and its waveform in every run, with the root mean square of what it does to the
+/// sensors over the noise.
 pub fn truth(case: &Case) -> Option<Value> {
     let (place, position_m, unit) = match case.hidden.first()? {
         Hidden::Pulsation(..) => ("supply".to_owned(), None, "m"),

@@ -1,7 +1,9 @@
-//! A recording of a given rig with known parameters, from the scheme that shares nothing with the program: what a calibration should find.
+//! A recording of a given rig with known parameters, from the scheme that shares nothing with the program: what a
+//! calibration should find.
 //!
-//! `cargo run --release -p surgescope-tools --bin known_run -- RIG OUT.csv NAME=VALUE …`; names are those of `surgescope simulate --set`, with
-//! `temperature_degC`, `duration_s`, `noise_m`, `zero_m` (standard deviation of the sensors' zero errors) and `seed`.
+//! `cargo run --release -p surgescope-tools --bin known_run -- RIG OUT.csv NAME=VALUE …`; names are those of
+//! `surgescope simulate --set`, with `temperature_degC`, `duration_s`, `noise_m`, `zero_m` (standard deviation of the
+//! sensors' zero errors) and `seed`.
 
 #[allow(dead_code)] // of the other program
 mod forcing;

@@ -1,10 +1,11 @@
-//! Recordings with one effect hidden, or a pair, from a scheme that shares nothing with the program: what `diagnose` is tried on.
+//! Recordings with one effect hidden, or a pair, from a scheme that shares nothing with the program: what `diagnose` is
+//! tried on.
 //!
 //! `cargo run --release -p surgescope-tools --bin hidden_effects -- SEED COUNT FOLDER [KIND,KIND…] [--coloured] [--hum] [--wrong-rig] [--pairs]
 //! [--plastic]` writes folders with `rig.toml`, `run.csv`, sometimes `run2.csv`, and `answers.json` beside them, as `tools/blind.py` reads them.
 //! The same seed gives the same files.
-//! Kinds of `forcing` (`forcings` for all of them) are what no effect of the catalogue is: the answers have their place and waveform as `forcing`,
-//! for `tools/explained.py`.
+//! Kinds of `forcing` (`forcings` for all of them) are what no effect of the catalogue is: the answers have their place
+//! and waveform as `forcing`, for `tools/explained.py`.
 //! With `--plastic` every wall creeps, also where an effect is otherwise hidden in metal only.
 
 mod forcing;

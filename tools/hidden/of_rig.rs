@@ -72,7 +72,8 @@ fn pressures(rig: &Rig) -> impl Iterator<Item = &Sensor> {
     rig.sensors.iter().filter(|s| s.kind == SensorKind::Pressure)
 }
 
-/// The time series that `surgescope import` takes: the rig's pressure sensors, flow meters and thermometers, in their units.
+/// The time series that `surgescope import` takes: the rig's pressure sensors, flow meters and thermometers, in their
+/// units.
 pub fn csv(rig: &Rig, known: &Known) -> String {
     let case = case(rig, known);
     let solved = solve(&case, known.velocity_m_s, known.duration_s);

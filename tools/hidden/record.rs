@@ -1,4 +1,5 @@
-//! What a lab would have recorded of a run: sensors with noise, offsets and faults, and a rig file with what the lab believes.
+//! What a lab would have recorded of a run: sensors with noise, offsets and faults, and a rig file with what the lab
+//! believes.
 
 use std::fmt::Write;
 use std::path::Path;

@@ -1,5 +1,6 @@
-//! The scheme: heads at nodes, flows at the faces between them, leapfrogging half a step apart (Yee 1966; no characteristics), every
-//! reach as long as a wave travels in a step. Friction, creep and gas enter each update implicitly.
+//! The scheme: heads at nodes, flows at the faces between them, leapfrogging half a step apart (Yee 1966; no
+//! characteristics), every reach as long as a wave travels in a step. Friction, creep and gas enter each update
+//! implicitly.
 
 use super::forcing::{Forced, SupplyState};
 use super::rig::{Case, Hidden};
@@ -28,8 +29,8 @@ pub struct Solved {
     pub forcing: Vec<f64>,
 }
 
-/// `1/√t` as a sum of exponentials: `∫ s^-½ e^-st ds / √π` by the trapezoidal rule in `ln s`, far enough for a thousandth of its
-/// integral over one step.
+/// `1/√t` as a sum of exponentials: `∫ s^-½ e^-st ds / √π` by the trapezoidal rule in `ln s`, far enough for a
+/// thousandth of its integral over one step.
 fn inverse_root(shortest: f64) -> Vec<(f64, f64)> {
     let h = 0.7f64;
     let (low, high) = ((0.01f64).ln(), (3e5 / shortest).ln());
@@ -208,7 +209,8 @@ fn solve_on(case: &Case, velocity_m_s: f64, duration_s: f64, nodes: usize) -> So
             let held: f64 = line.kernel[i].iter().zip(&shed).map(|(y, (e, _))| 0.5 * y * (1.0 + e)).sum();
             let stress = 16.0 * viscosity / case.diameter_m.powi(2);
             let local = if i == block_at { G * block_k * area * area / line.step_m[i] } else { 0.0 };
-            // Losses go with the square of the step's mean velocity: second order, and a front finds them at their place.
+            // Losses go with the square of the step's mean velocity: second order, and a front finds them at their
+            // place.
             let inertia = 1.0 + dt * stress * 0.5 * weight;
             let sum = 2.0 * inertia * v + dt * (drive - stress * held);
             let square = dt * (f / (2.0 * case.diameter_m) + local);
@@ -327,7 +329,8 @@ fn solve_on(case: &Case, velocity_m_s: f64, duration_s: f64, nodes: usize) -> So
             forcing.push(of_step);
         }
     }
-    // A valve that shuts leaves heads that ring from one step to the next, which no pipe does: the mean of neighbours is still.
+    // A valve that shuts leaves heads that ring from one step to the next, which no pipe does: the mean of neighbours
+    // is still.
     for heads in &mut heads_m {
         let rung = heads.clone();
         for (i, head) in heads.iter_mut().enumerate().take(rung.len() - 1).skip(1) {
@@ -413,7 +416,8 @@ mod tests {
         let flow = 0.05 * case(None, Vec::new()).area_m2() * 0.2;
         let leaking = case(Some(Hidden::Leak(50.0, flow)), Vec::new());
         let solved = solve(&leaking, 0.2, 1.0);
-        // The wave that passes an orifice raises its flow; the head behind falls by half a/(gA) times what it takes more.
+        // The wave that passes an orifice raises its flow; the head behind falls by half a/(gA) times what it takes
+        // more.
         let rise = leaking.joukowsky_m();
         let impedance = leaking.wave_speed_m_s / (G * leaking.area_m2());
         let mut head = leaking.valve_head_m + rise;
@@ -427,7 +431,8 @@ mod tests {
         assert!((seen / (2.0 * fall) - 1.0).abs() < 0.05, "{seen} against {}", 2.0 * fall);
     }
 
-    /// What a pump feeds in sends a wave of half `a q/(gA)` either way, which doubles at the closed valve; a relief valve there takes out what its law says.
+    /// What a pump feeds in sends a wave of half `a q/(gA)` either way, which doubles at the closed valve; a relief
+    /// valve there takes out what its law says.
     #[test]
     fn forcings_send_the_waves_that_theory_says() {
         let sound = solve(&case(None, Vec::new()), 0.2, 1.0);

@@ -8,8 +8,9 @@ use surgescope::rig::{Rig, darcy_friction_factor};
 
 use super::rig::Case;
 
-/// `{"shared": {name: value}, "runs": {file: {name: value}}}`; retardation times ascend. Friction has the units of what the program takes for
-/// a smooth pipe, compliance for the constraint that it takes from the rig file: the case's own are 0.316/Re^0.25 and 1.
+/// `{"shared": {name: value}, "runs": {file: {name: value}}}`; retardation times ascend. Friction has the units of what
+/// the program takes for a smooth pipe, compliance for the constraint that it takes from the rig file: the case's own
+/// are 0.316/Re^0.25 and 1.
 ///
 /// # Errors
 /// A rig file that was not written before.

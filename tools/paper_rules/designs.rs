@@ -1,4 +1,5 @@
-//! What the paper's other rules are about: analyses of variance, compliance in equal steps, elements that change places, runs repeated.
+//! What the paper's other rules are about: analyses of variance, compliance in equal steps, elements that change
+//! places, runs repeated.
 
 use crate::wall::{PAPER, Wall};
 use surgescope::sensitivity::anova::{OneWay, one_way};

@@ -31,8 +31,8 @@ impl Verdict {
     }
 }
 
-/// Judges a claim by what is true at each retardation time (s), in increasing order, in the range that the claim is about; `None` where there is
-/// nothing to judge by. The period (s) turns times into τ/T.
+/// Judges a claim by what is true at each retardation time (s), in increasing order, in the range that the claim is
+/// about; `None` where there is nothing to judge by. The period (s) turns times into τ/T.
 pub fn judge(truth: &[(f64, Option<bool>)], claimed: impl Fn(f64) -> bool, period_s: f64) -> Verdict {
     let known: Vec<(f64, bool)> =
         truth.iter().filter(|(tau, _)| claimed(*tau)).filter_map(|(tau, t)| Some((*tau, (*t)?))).collect();
@@ -45,7 +45,8 @@ pub fn judge(truth: &[(f64, Option<bool>)], claimed: impl Fn(f64) -> bool, perio
     }
 }
 
-/// The stretches in which something is true, `τ/T ≤ 0.03 or 0.3 to 2`; ends lie half-way (in ratio) to the first time at which it is not.
+/// The stretches in which something is true, `τ/T ≤ 0.03 or 0.3 to 2`; ends lie half-way (in ratio) to the first time
+/// at which it is not.
 fn stretches(known: &[(f64, bool)], period_s: f64) -> String {
     let ratio = |tau_s: f64| two_digits(tau_s / period_s);
     let between = |i: usize| (known[i].0 * known[i + 1].0).sqrt();

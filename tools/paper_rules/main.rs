@@ -1,11 +1,12 @@
-//! Tests the rules that the source paper derives from its sensitivity analysis, one by one, and prints a page in Markdown:
+//! Tests the rules that the source paper derives from its sensitivity analysis, one by one, and prints a page in
+//! Markdown:
 //!
 //! ```sh
 //! cargo run --release -p surgescope-tools --bin paper_rules -- rigs/paper-ppr.toml initial_velocity_m_s=1 closing_time_s=0.06 > docs/src/measured/paper_rules.md
 //! ```
 //!
-//! The arguments are a rig file and settings as `surgescope simulate --set` takes them. The wall has two elements, and the
-//! sensor nearest to the valve is read.
+//! The arguments are a rig file and settings as `surgescope simulate --set` takes them. The wall has two elements, and
+//! the sensor nearest to the valve is read.
 
 mod claim;
 mod claims;

@@ -1,8 +1,8 @@
 //! The rules that the source paper derives from its sensitivity analysis, tested one by one on a rig.
 //!
-//! Each is tested on three closures: as set; on the same rig eight times as long (period and closing time eight times as long, friction
-//! an eighth, the walls as they are), which tells a rule about τ in seconds from one about τ/T; and with the rig's nominal closing time where that is
-//! another one. Where the paper says two things, both are tested.
+//! Each is tested on three closures: as set; on the same rig eight times as long (period and closing time eight times
+//! as long, friction an eighth, the walls as they are), which tells a rule about τ in seconds from one about τ/T; and
+//! with the rig's nominal closing time where that is another one. Where the paper says two things, both are tested.
 
 use crate::claim::{Evidence, Finding};
 use crate::claims::CLAIMS;

@@ -1,4 +1,5 @@
-//! One Kelvin-Voigt element at many retardation times, its compliance raised at each: what most of the paper's rules are about.
+//! One Kelvin-Voigt element at many retardation times, its compliance raised at each: what most of the paper's rules
+//! are about.
 
 use rayon::prelude::*;
 

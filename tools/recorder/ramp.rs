@@ -62,8 +62,8 @@ pub fn frame(index: i64, samples: i64, period_ns: u32) -> Option<Frame> {
     Frame::new(index as u16, first_us, period_ns, CHANNELS as u8, counts)
 }
 
-/// Checks that each channel holds the samples from number 0 on, every one at its time; returns how many there are of each, at least.
-/// After a kill channels may differ by `torn` samples: those of the last frame.
+/// Checks that each channel holds the samples from number 0 on, every one at its time; returns how many there are of
+/// each, at least. After a kill channels may differ by `torn` samples: those of the last frame.
 pub fn check(recording: &Recording, period_ns: u32, torn: usize) -> Result<usize, String> {
     let mut lengths = Vec::new();
     for (channel, series) in recording.series.iter().enumerate() {

@@ -1,4 +1,5 @@
-//! A device that is a process or behind a socket: frames of the ramp at their pace, on standard output or to who connects.
+//! A device that is a process or behind a socket: frames of the ramp at their pace, on standard output or to who
+//! connects.
 
 use std::io::{self, Write};
 use std::net::TcpListener;
@@ -29,8 +30,8 @@ impl std::str::FromStr for Way {
     }
 }
 
-/// The rig file in a folder, and the device, which begins as soon as the recorder listens. When its first sample was taken stands in the
-/// file `started` of that folder then.
+/// The rig file in a folder, and the device, which begins as soon as the recorder listens. When its first sample was
+/// taken stands in the file `started` of that folder then.
 pub fn device(way: Way, rate_hz: f64, seconds: f64, folder: &Path) -> io::Result<()> {
     let started = folder.join("started");
     let source = match way {

@@ -13,7 +13,8 @@ use surgescope::record::session::live_test::{Options, live_devices, record};
 use crate::speak::{self, Way};
 use crate::{Measured, ramp, usage};
 
-/// A simulated device in this process, the recorder in another; with its live view on a terminal, where it is to be viewed.
+/// A simulated device in this process, the recorder in another; with its live view on a terminal, where it is to be
+/// viewed.
 pub fn over_a_pseudoterminal(rate_hz: f64, seconds: f64, program: &str, viewed: bool) -> Measured {
     let folder = tempfile::tempdir()?;
     let (rig_file, file) = (folder.path().join("rig.toml"), folder.path().join("run.mcap"));

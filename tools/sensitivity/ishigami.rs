@@ -1,5 +1,6 @@
-//! Sobol indices of the Ishigami function by this project, for tools/sensitivity/compare.py: `cargo run --release -p surgescope-tools --bin ishigami -- ROWS SEED`
-//! prints a row a parameter, `S1 S1_low S1_high ST ST_low ST_high`.
+//! Sobol indices of the Ishigami function by this project, for tools/sensitivity/compare.py:
+//! `cargo run --release -p surgescope-tools --bin ishigami -- ROWS SEED` prints a row a parameter,
+//! `S1 S1_low S1_high ST ST_low ST_high`.
 
 use std::f64::consts::PI;
 

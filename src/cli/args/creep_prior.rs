@@ -18,8 +18,8 @@ pub(crate) const WALL: &str = "viscoelastic-wall";
 /// Options of commands that fit.
 #[derive(Debug, clap::Args)]
 pub struct CreepPrior {
-    /// Result of `surgescope creep -o`: its elements within the time scale of a surge become priors of viscoelastic-wall. Faster elements are added
-    /// while the record supports them.
+    /// Result of `surgescope creep -o`: its elements within the time scale of a surge become priors of
+    /// viscoelastic-wall. Faster elements are added while the record supports them.
     #[arg(long, value_name = "CREEP.toml")]
     creep: Option<PathBuf>,
     /// Least standard deviation of a value from the creep test, which is slower and at larger strains than a surge.
@@ -34,8 +34,8 @@ impl CreepPrior {
         self.creep.is_some()
     }
 
-    /// What the test knows of a model's parameters, nothing where there is none; gives the model's wall its number of elements, unless the
-    /// surge may show faster ones than the test.
+    /// What the test knows of a model's parameters, nothing where there is none; gives the model's wall its number of
+    /// elements, unless the surge may show faster ones than the test.
     ///
     /// # Errors
     /// A file that cannot be read, a model without a wall that creeps or with fewer elements than the test shows.

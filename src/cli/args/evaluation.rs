@@ -11,8 +11,8 @@ use crate::watch::verdict::Accept;
 /// Options of commands that fit runs by themselves.
 #[derive(Debug, Clone, clap::Args)]
 pub struct Evaluation {
-    /// Effects to start with where no model of the rig was accepted yet [default: viscoelastic-wall for plastic, unsteady-friction for
-    /// metal].
+    /// Effects to start with where no model of the rig was accepted yet [default: viscoelastic-wall for plastic,
+    /// unsteady-friction for metal].
     #[arg(long, value_name = "A,B", value_parser = parse_list)]
     effects: Option<::std::vec::Vec<Chosen>>,
     /// Which models become the rig's without `surgescope accept`.

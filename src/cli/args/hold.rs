@@ -49,8 +49,8 @@ pub fn constraints(study: &Study, models: &[Vec<Chosen>], hold: &[Hold]) -> Vec<
     hold::constraints(study.rig(), study.runs(), models, hold)
 }
 
-/// Adds what a model of a file settles where `held` says nothing else; with `warn`, names the held parameters that the model with these
-/// `effects` does not have.
+/// Adds what a model of a file settles where `held` says nothing else; with `warn`, names the held parameters that the
+/// model with these `effects` does not have.
 pub fn settle(held: &mut Vec<Constraint>, from: &Entry, study: &Study, effects: &[Chosen], warn: bool) {
     for name in hold::settle(held, from, study.rig(), study.runs(), effects) {
         if warn {

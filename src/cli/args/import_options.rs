@@ -21,7 +21,8 @@ pub struct ForeignArgs {
     /// Time zone of date-times without one, such as +01:00 [default: UTC].
     #[arg(long, value_name = "ZONE", value_parser = zone, allow_hyphen_values = true)]
     zone: Option<i32>,
-    /// Whether 03/04/2026 is the third of April (dmy) or the fourth of March (mdy), if the dates of the file leave it open.
+    /// Whether 03/04/2026 is the third of April (dmy) or the fourth of March (mdy), if the dates of the file leave it
+    /// open.
     #[arg(long, value_name = "ORDER", value_parser = ["dmy", "mdy"])]
     date_order: Option<String>,
     /// Unit of times without one in their heading: s, ms, us, ns, min, h or d (days); also of --time-field.
@@ -30,11 +31,12 @@ pub struct ForeignArgs {
     /// Samples per second, where a column counts samples instead of giving times.
     #[arg(long, value_name = "HZ", value_parser = positive, allow_negative_numbers = true)]
     pub rate: Option<f64>,
-    /// What a column's numbers stand for, in a unit or in the sensor's: 'P1=0.5..4.5 -> 0..1000 kPa' for a transducer of 0.5 to 4.5 V, or its
-    /// line, 'P1=250*x-125 kPa'; or the unit that they are in, 'P1=psi'.
+    /// What a column's numbers stand for, in a unit or in the sensor's: 'P1=0.5..4.5 -> 0..1000 kPa' for a transducer
+    /// of 0.5 to 4.5 V, or its line, 'P1=250*x-125 kPa'; or the unit that they are in, 'P1=psi'.
     #[arg(long, value_name = "SENSOR=A*x+B", value_parser = scale)]
     pub scale: Vec<(String, Line)>,
-    /// Flow before the closure, where it was measured by hand (bucket and clock): '0.25 L/s'. It becomes a reading of the rig's flow sensor.
+    /// Flow before the closure, where it was measured by hand (bucket and clock): '0.25 L/s'. It becomes a reading of
+    /// the rig's flow sensor.
     #[arg(long, value_name = "FLOW", value_parser = flow)]
     pub flow: Option<(f64, Unit)>,
     /// Code page of a text that is not UTF-8, where the guess is wrong: cp932, cp1250, cp1251, gbk, latin1, utf-16, ….

@@ -14,13 +14,14 @@ const PORT: u16 = 8765;
 /// Options of a recording that can be watched.
 #[derive(Debug, clap::Args)]
 pub struct Live {
-    /// Show in Foxglove or Lichtblick what is recorded, while it is: open a connection of the kind Foxglove WebSocket there, such as to
-    /// ws://127.0.0.1:8765. ADDR is an address, a port or both [default: 127.0.0.1:8765]. The network can reach any address that does not begin with
-    /// 127, and everyone there can watch. Packages of a release can do this; other builds need the feature `live`.
+    /// Show in Foxglove or Lichtblick what is recorded, while it is: open a connection of the kind Foxglove WebSocket
+    /// there, such as to ws://127.0.0.1:8765. ADDR is an address, a port or both [default: 127.0.0.1:8765]. The network
+    /// can reach any address that does not begin with 127, and everyone there can watch. Packages of a release can do
+    /// this; other builds need the feature `live`.
     #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = "127.0.0.1:8765", value_parser = address)]
     live: Option<SocketAddr>,
-    /// Let pages of this origin watch, too, such as https://lichtblick.example; may be repeated. Known are Foxglove's page, the desktop applications
-    /// and pages of this computer.
+    /// Let pages of this origin watch, too, such as https://lichtblick.example; may be repeated. Known are Foxglove's
+    /// page, the desktop applications and pages of this computer.
     #[arg(long, value_name = "ORIGIN", requires = "live", value_parser = origin)]
     live_origin: Vec<String>,
 }

@@ -34,7 +34,8 @@ impl Sampling {
         }
     }
 
-    /// Says where the fit's intervals are in doubt, and samples its posterior where that was asked for. Warns where the chains have not met.
+    /// Says where the fit's intervals are in doubt, and samples its posterior where that was asked for. Warns where the
+    /// chains have not met.
     ///
     /// # Errors
     /// A model that cannot be simulated.

@@ -13,13 +13,14 @@ use crate::study::Study;
 /// Which parameters to profile.
 #[derive(Debug, clap::Args)]
 pub struct Profiles {
-    /// Parameters whose 95% intervals come from profile likelihood: each is varied while all others are refitted. `all` takes all of them; a
-    /// parameter of each run is profiled in all runs.
+    /// Parameters whose 95% intervals come from profile likelihood: each is varied while all others are refitted. `all`
+    /// takes all of them; a parameter of each run is profiled in all runs.
     #[arg(long = "profile", value_name = "NAME,…|all", value_delimiter = ',')]
     names: Vec<String>,
 }
 
-/// Fall of the sum of squares, in units of what one sample leaves, above which a profile's centre counts as below the fit.
+/// Fall of the sum of squares, in units of what one sample leaves, above which a profile's centre counts as below the
+/// fit.
 const BELOW: f64 = 1.0;
 
 impl Profiles {
@@ -53,7 +54,8 @@ impl Profiles {
         Ok(asked.map(|(j, _)| j).collect())
     }
 
-    /// Profiles what was asked for; the fit's intervals become the profiles'. Warns where a profile disagrees with the linear interval.
+    /// Profiles what was asked for; the fit's intervals become the profiles'. Warns where a profile disagrees with the
+    /// linear interval.
     ///
     /// # Errors
     /// A name that the fit does not have, a model that cannot be simulated.

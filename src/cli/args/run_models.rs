@@ -14,7 +14,8 @@ use crate::study::models;
 /// Where the models of the runs go.
 #[derive(Debug, clap::Args)]
 pub struct RunModels {
-    /// Save each run's model in this folder as NAME.model.toml; the folder is created if missing, older models stay in the files.
+    /// Save each run's model in this folder as NAME.model.toml; the folder is created if missing, older models stay in
+    /// the files.
     // A file of models finds its run's temperature in the recording or its rig, and not on a command line.
     #[arg(long, value_name = "FOLDER", conflicts_with = "temperature_degc")]
     save: Option<PathBuf>,

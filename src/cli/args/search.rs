@@ -32,12 +32,13 @@ pub struct Search {
     /// Stop a stepwise calibration after this many steps; continue it later with --save and --from.
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     steps: Option<usize>,
-    /// Start parameters at these values instead of those from signals, rig and effects; a parameter of each run starts there in all runs. Name the
-    /// recordings first.
+    /// Start parameters at these values instead of those from signals, rig and effects; a parameter of each run starts
+    /// there in all runs. Name the recordings first.
     #[arg(long, value_name = "NAME=VALUE", value_parser = crate::cli::args::values::setting, num_args = 1..)]
     start: Vec<(String, f64)>,
-    /// Continue from the current model of this model file: with its values, held parameters (`fixed = true`), bounds and priors, and its effects
-    /// unless others are given. A stepwise calibration first uses the features left from last time (`features_left`), then the whole record.
+    /// Continue from the current model of this model file: with its values, held parameters (`fixed = true`), bounds
+    /// and priors, and its effects unless others are given. A stepwise calibration first uses the features left from
+    /// last time (`features_left`), then the whole record.
     #[arg(long, value_name = "MODEL.toml")]
     from: Option<PathBuf>,
 }
@@ -47,7 +48,8 @@ pub struct Search {
 enum Method {
     /// Bounded Levenberg-Marquardt from several starts.
     LeastSquares,
-    /// Differential evolution over the whole range, then a covariance-adapting evolution strategy (CMA-ES) around the best point.
+    /// Differential evolution over the whole range, then a covariance-adapting evolution strategy (CMA-ES) around the
+    /// best point.
     Global,
     /// A micro-genetic algorithm over the whole range.
     MicroGa,

@@ -15,12 +15,14 @@ use crate::shown::Shown as _;
 /// Options of a triggered recording.
 #[derive(Debug, clap::Args)]
 pub struct Triggers {
-    /// Record each shot in its own file. The trigger is an `edge` of the valve's command (a sensor of kind trigger), `level=V` reached from below, or
-    /// a rise of `slope=V` per second (over 20 ms), V in the sensor's unit. It is armed after --pre seconds of quiet.
+    /// Record each shot in its own file. The trigger is an `edge` of the valve's command (a sensor of kind trigger),
+    /// `level=V` reached from below, or a rise of `slope=V` per second (over 20 ms), V in the sensor's unit. It is
+    /// armed after --pre seconds of quiet.
     #[arg(long, value_name = "edge|level=V|slope=V", value_parser = condition, requires = "out_dir", conflicts_with = "output",
           allow_hyphen_values = true)]
     trigger: Option<Condition>,
-    /// Sensor of the trigger [default: for an edge, the rig's only trigger channel; otherwise the pressure sensor nearest to the valve].
+    /// Sensor of the trigger [default: for an edge, the rig's only trigger channel; otherwise the pressure sensor
+    /// nearest to the valve].
     #[arg(long, value_name = "SENSOR", requires = "trigger")]
     trigger_sensor: Option<String>,
     /// Seconds of a shot before the trigger.

@@ -15,8 +15,8 @@ use crate::watch::start::units;
 
 /// Accept a run's model as the model of its rig.
 ///
-/// Later runs of the rig start from it and are diagnosed against it. It is the current model in the run's NAME.model.toml; to accept another
-/// one, edit that file first, or use `surgescope add` or `surgescope undo`.
+/// Later runs of the rig start from it and are diagnosed against it. It is the current model in the run's
+/// NAME.model.toml; to accept another one, edit that file first, or use `surgescope add` or `surgescope undo`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The recording, fitted by `surgescope watch` or `record --calibrate`.

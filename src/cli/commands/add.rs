@@ -30,7 +30,8 @@ pub struct Args {
 /// Runs it.
 ///
 /// # Errors
-/// A file or a recording that cannot be read, an effect that the model has already or that excludes another, a fit that fails.
+/// A file or a recording that cannot be read, an effect that the model has already or that excludes another, a fit that
+/// fails.
 pub fn run(args: Args, json: bool) -> CommandResult {
     let mut at = models::open(&args.file)?;
     recordings::warn_of(&at.study);

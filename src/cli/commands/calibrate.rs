@@ -43,8 +43,8 @@ pub struct Args {
     /// Also fit this model, for comparison in tables and report; may be repeated.
     #[arg(long, value_name = "A,B", value_parser = parse_list)]
     against: Vec<::std::vec::Vec<Chosen>>,
-    /// Hold parameters at these values, or keep them between two (NAME=LEAST:MOST); a parameter of each run is held in all runs. Name the recordings
-    /// first.
+    /// Hold parameters at these values, or keep them between two (NAME=LEAST:MOST); a parameter of each run is held in
+    /// all runs. Name the recordings first.
     #[arg(long, value_name = "NAME=VALUE", value_parser = hold::held, num_args = 1..)]
     hold: Vec<Hold>,
     #[command(flatten)]
@@ -58,7 +58,8 @@ pub struct Args {
     /// Read the recordings with this rig instead of the stored one.
     #[arg(long, value_name = "RIG")]
     rig: Option<PathBuf>,
-    /// Write a page with charts of measurement, models and residuals; replaces an older page of that name, and no other file.
+    /// Write a page with charts of measurement, models and residuals; replaces an older page of that name, and no other
+    /// file.
     #[arg(long, value_name = "HTML")]
     report: Option<PathBuf>,
     #[command(flatten)]
@@ -155,7 +156,8 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     Ok(Outcome::Done)
 }
 
-/// The effects asked for, with the numbers of elements of the model given with `--from` where none are given; without any, that model's.
+/// The effects asked for, with the numbers of elements of the model given with `--from` where none are given; without
+/// any, that model's.
 fn continued(asked: Option<Vec<Chosen>>, from: Option<&Entry>) -> Vec<Chosen> {
     let known = from.map_or(Vec::new(), Entry::chosen);
     let Some(mut asked) = asked else { return known };

@@ -17,9 +17,10 @@ use crate::storage::{disk, output};
 /// Fit Kelvin-Voigt elements to creep tests of the pipe's material.
 ///
 /// A creep test is strain or compliance against time under a constant load.
-/// A file has a header line, a column of times after the load was applied (time_s, time_min or time_h) and one of compliance
-/// (compliance_per_GPa, _per_MPa, _per_Pa) or strain (strain, strain_percent, strain_microstrain; with --stress-MPa). Several files at one
-/// temperature are repeats; tests at several temperatures are fitted together with shifted times.
+/// A file has a header line, a column of times after the load was applied (time_s, time_min or time_h) and one of
+/// compliance (compliance_per_GPa, _per_MPa, _per_Pa) or strain (strain, strain_percent, strain_microstrain;
+/// with --stress-MPa). Several files at one temperature are repeats; tests at several temperatures are fitted together
+/// with shifted times.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The tests.
@@ -42,7 +43,8 @@ pub struct Args {
     /// Write a page with plots of the fit; replaces an older page of that name, and no other file.
     #[arg(long, value_name = "HTML")]
     report: Option<PathBuf>,
-    /// Save the result for `calibrate --creep` and `diagnose --creep`; replaces an older result of that name, and no other file.
+    /// Save the result for `calibrate --creep` and `diagnose --creep`; replaces an older result of that name, and no
+    /// other file.
     #[arg(short, long, value_name = "CREEP.toml")]
     output: Option<PathBuf>,
 }
@@ -50,7 +52,8 @@ pub struct Args {
 /// Runs it.
 ///
 /// # Errors
-/// Files that cannot be read or are no creep tests, temperatures that do not match them, a result that cannot be written.
+/// Files that cannot be read or are no creep tests, temperatures that do not match them, a result that cannot be
+/// written.
 pub fn run(args: Args, json: bool) -> CommandResult {
     if let Some(path) = &args.report {
         output::check_report(path)?;

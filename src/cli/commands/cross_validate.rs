@@ -34,8 +34,8 @@ pub struct Args {
     /// What to leave out [default: all that the recordings allow].
     #[arg(long, value_enum, value_name = "KIND,KIND", value_delimiter = ',')]
     by: Vec<Kind>,
-    /// Hold parameters at these values, or keep them between two (NAME=LEAST:MOST); a parameter of each run is held in all runs. Name the recordings
-    /// first.
+    /// Hold parameters at these values, or keep them between two (NAME=LEAST:MOST); a parameter of each run is held in
+    /// all runs. Name the recordings first.
     #[arg(long, value_name = "NAME=VALUE", value_parser = hold::held, num_args = 1..)]
     hold: Vec<Hold>,
     /// Read the recordings with this rig instead of the stored one.

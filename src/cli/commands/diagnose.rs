@@ -43,12 +43,12 @@ pub struct Args {
     /// Add the missing effect and diagnose again, until nothing is missing or no effect explains the rest.
     #[arg(long)]
     until_done: bool,
-    /// Add the missing effect to the current model of this model file. Without --effects, that model is the start model. A missing file is
-    /// created.
+    /// Add the missing effect to the current model of this model file. Without --effects, that model is the start
+    /// model. A missing file is created.
     #[arg(long, value_name = "MODEL.toml")]
     apply: Option<PathBuf>,
-    /// Hold parameters of the start model at these values, or keep them between two (NAME=LEAST:MOST); a parameter of each run is held in all runs. Name the recordings
-    /// first.
+    /// Hold parameters of the start model at these values, or keep them between two (NAME=LEAST:MOST); a parameter of
+    /// each run is held in all runs. Name the recordings first.
     #[arg(long, value_name = "NAME=VALUE", value_parser = hold::held, num_args = 1..)]
     hold: Vec<Hold>,
     #[command(flatten)]
@@ -58,7 +58,8 @@ pub struct Args {
     /// Read the recordings with this rig instead of the stored one.
     #[arg(long, value_name = "RIG")]
     rig: Option<PathBuf>,
-    /// Write a page with charts of measurement, models and residuals; replaces an older page of that name, and no other file.
+    /// Write a page with charts of measurement, models and residuals; replaces an older page of that name, and no other
+    /// file.
     #[arg(long, value_name = "HTML")]
     report: Option<PathBuf>,
     /// Finest grid of the fits.

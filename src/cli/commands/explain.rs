@@ -16,8 +16,9 @@ use crate::study::models;
 
 /// Find what would explain the rest that a model leaves, where no effect of the catalogue does.
 ///
-/// The forcing that is missing is solved for without a shape given: a head of the supply against time, a flow at the valve or out of the pipe, a head added at a sensor, a strain of the wall. The places are
-/// ranked by evidence. The most probable comes first, with those that the recordings cannot tell from it.
+/// The forcing that is missing is solved for without a shape given: a head of the supply against time, a flow at the
+/// valve or out of the pipe, a head added at a sensor, a strain of the wall. The places are ranked by evidence. The
+/// most probable comes first, with those that the recordings cannot tell from it.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// A model file, whose current model is explained; or recordings of one rig.
@@ -29,7 +30,8 @@ pub struct Args {
     /// Read the recordings with this rig instead of the stored one.
     #[arg(long, value_name = "RIG")]
     rig: Option<PathBuf>,
-    /// Draft an effect of your own of this name from the law that the best explanation follows; `diagnose` then weighs it.
+    /// Draft an effect of your own of this name from the law that the best explanation follows; `diagnose` then weighs
+    /// it.
     #[arg(long, value_name = "NAME")]
     as_effect: Option<String>,
     /// File of that effect; the folder `effects` belongs beside the rig file [default: effects/NAME.toml].

@@ -19,9 +19,9 @@ use crate::study::models;
 
 /// Turn a recording into a time series (CSV), or add a model to it (MCAP).
 ///
-/// A recording with a model is a copy that has two channels more for each pressure sensor, in its unit: the modelled value, and the residual
-/// (measured − modelled). The run's own values are those of the fit; of a recording that the model was not fitted to, they are read from its
-/// signals, as `predict` does.
+/// A recording with a model is a copy that has two channels more for each pressure sensor, in its unit: the modelled
+/// value, and the residual (measured − modelled). The run's own values are those of the fit; of a recording that the
+/// model was not fitted to, they are read from its signals, as `predict` does.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The recording.

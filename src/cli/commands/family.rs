@@ -24,9 +24,9 @@ use crate::temperature::{Member, Plan, Source, family, same_rig};
 /// Fit runs at several temperatures together.
 ///
 /// Shows how wave speed and creep depend on temperature.
-/// First, each run is fitted separately, and lines are drawn through the values. Then all runs are fitted together: they share creep
-/// compliances, a temperature law shifts the retardation times, and the wall's modulus is log-linear in temperature. The result tells whether
-/// these laws describe the runs.
+/// First, each run is fitted separately, and lines are drawn through the values. Then all runs are fitted together:
+/// they share creep compliances, a temperature law shifts the retardation times, and the wall's modulus is log-linear
+/// in temperature. The result tells whether these laws describe the runs.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Recordings of one rig.
@@ -51,7 +51,8 @@ pub struct Args {
     /// Write a page with each quantity over temperature; replaces an older page of that name, and no other file.
     #[arg(long, value_name = "HTML")]
     report: Option<PathBuf>,
-    /// Write the runs' values and the lines through them as a table; replaces an older table of that name, and no other file.
+    /// Write the runs' values and the lines through them as a table; replaces an older table of that name, and no other
+    /// file.
     #[arg(long, value_name = "CSV")]
     csv: Option<PathBuf>,
     #[command(flatten)]
@@ -115,7 +116,8 @@ impl LawArgs {
 /// Runs it.
 ///
 /// # Errors
-/// Recordings that cannot be read, of several rigs, at one temperature, or at none that is known; files that cannot be written.
+/// Recordings that cannot be read, of several rigs, at one temperature, or at none that is known; files that cannot be
+/// written.
 pub fn run(args: Args, json: bool) -> CommandResult {
     if let Some(path) = &args.report {
         output::check_report(path)?;

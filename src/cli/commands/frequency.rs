@@ -91,8 +91,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     Ok(Outcome::Done)
 }
 
-/// The record at each sensor, and the model of a `fit` beside it, the nearest to the valve first. Period and closure are the record's own, so that what
-/// it shows is the same whatever the model; where the wave speed is not to be had from it, the rig's.
+/// The record at each sensor, and the model of a `fit` beside it, the nearest to the valve first. Period and closure
+/// are the record's own, so that what it shows is the same whatever the model; where the wave speed is not to be had
+/// from it, the rig's.
 fn responses(loaded: &Loaded, run: &RunData, fit: Option<&Fit>) -> Vec<SensorResponse> {
     let rig: &Rig = &loaded.recording.rig;
     let model = Model::new(rig, &run.conditions.water, &[]);
@@ -119,7 +120,8 @@ fn responses(loaded: &Loaded, run: &RunData, fit: Option<&Fit>) -> Vec<SensorRes
     found.collect()
 }
 
-/// The model at the last `samples` of a sensor; the fit has those from its own start of the closure on, and no value before.
+/// The model at the last `samples` of a sensor; the fit has those from its own start of the closure on, and no value
+/// before.
 fn modelled(fit: &Fit, sensor: &str, samples: usize) -> Option<Vec<f64>> {
     let known = &fit.runs[0].sensors.iter().find(|s| s.name == sensor)?.model_m;
     let more = known.len().saturating_sub(samples);

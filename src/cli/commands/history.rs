@@ -15,8 +15,8 @@ use crate::storage::output;
 
 /// Show how a rig's wave speed and creep drift over runs and temperatures.
 ///
-/// Reads the index that `surgescope watch` and `record --calibrate` keep beside the recordings. Drift is a weighted regression over the
-/// runs whose model lacks nothing, per run and per kelvin, with 95% intervals.
+/// Reads the index that `surgescope watch` and `record --calibrate` keep beside the recordings. Drift is a weighted
+/// regression over the runs whose model lacks nothing, per run and per kelvin, with 95% intervals.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The rig's name or rig file; optional if the index holds one rig only.

@@ -30,11 +30,13 @@ use crate::study::import::{ImportError, misread_in};
 
 /// Turn time series (CSV, Excel, TDMS, MCAP of other programs) into a recording.
 ///
-/// What a file does not say, such as the unit of its times or which column is which sensor, is guessed and shown before anything is written.
+/// What a file does not say, such as the unit of its times or which column is which sensor, is guessed and shown before
+/// anything is written.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Time series: `time_s`, then one column per sensor, under its name and in its unit. Also tables written in other ways, TDMS, and MCAP of
-    /// other programs. Several files of one closure are aligned to the clock of the first and merged.
+    /// Time series: `time_s`, then one column per sensor, under its name and in its unit. Also tables written in other
+    /// ways, TDMS, and MCAP of other programs. Several files of one closure are aligned to the clock of the first and
+    /// merged.
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
     /// The rig of the test; it is stored in the recording. `surgescope rig new FILE` writes one for a file.

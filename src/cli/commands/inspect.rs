@@ -18,14 +18,16 @@ use crate::study::open::Loaded;
 
 /// Show what a recording contains: heads, period, wave speed, closure, noise.
 ///
-/// With `--json`: `file`, `temperature_degC`, `closure` {`start_s`, `start_standard_error_s`, `end_s`, `slow`, `from_trigger`,
-/// `pressure_onset_s`}, `flow_m3_s`, `steady_velocity_m_s`, `period_s`, `damping_per_cycle`, `wave_speed_m_s` {`joukowsky`,
-/// `crossings` {`value`, `standard_error`, `low`, `high`, `slow_closure`}, `arrival`, `period`}, `reference_sensor` and `sensors` [{`name`,
-/// `position_m`, `samples`, `gaps`, `interval_s`, `noise` {`white_sd_m`, `total_sd_m`, `coloured`, `lag1_autocorrelation`,
-/// `effective_fraction`, `quantum_m`, `interpolated_share`, `hum`, `without_hum`, `line`}, `steady_before_m`, `steady_after_m`, `front_arrival_s`, `first_peak`, `extrema`
-/// [{`cycle`, `peak`, `time_s`, `head_m`}], `damping_per_cycle`}], `doubts` (sentences on contradictions), `sensor_faults` [{`sensor`, `fault`, `says`}], `notes` [{`key`, `value`}], `window` {`from_s`, `to_s`, `averaged`,
-/// `recorded_s`} (what of a long recording is used, else null). Values with an uncertainty
-/// are {`value`, `standard_error`}; values that the recording does not show are null.
+/// With `--json`: `file`, `temperature_degC`, `closure` {`start_s`, `start_standard_error_s`, `end_s`, `slow`,
+/// `from_trigger`, `pressure_onset_s`}, `flow_m3_s`, `steady_velocity_m_s`, `period_s`, `damping_per_cycle`,
+/// `wave_speed_m_s` {`joukowsky`, `crossings` {`value`, `standard_error`, `low`, `high`, `slow_closure`}, `arrival`,
+/// `period`}, `reference_sensor` and `sensors` [{`name`, `position_m`, `samples`, `gaps`, `interval_s`, `noise`
+/// {`white_sd_m`, `total_sd_m`, `coloured`, `lag1_autocorrelation`, `effective_fraction`, `quantum_m`,
+/// `interpolated_share`, `hum`, `without_hum`, `line`}, `steady_before_m`, `steady_after_m`, `front_arrival_s`,
+/// `first_peak`, `extrema` [{`cycle`, `peak`, `time_s`, `head_m`}], `damping_per_cycle`}], `doubts` (sentences on
+/// contradictions), `sensor_faults` [{`sensor`, `fault`, `says`}], `notes` [{`key`, `value`}], `window` {`from_s`,
+/// `to_s`, `averaged`, `recorded_s`} (what of a long recording is used, else null). Values with an uncertainty are
+/// {`value`, `standard_error`}; values that the recording does not show are null.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The recording.

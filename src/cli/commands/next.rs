@@ -16,8 +16,9 @@ use crate::study::next::{Contest, least_known};
 
 /// Find the test that tells apart what the recordings cannot.
 ///
-/// The model in force is diagnosed. For each two answers left standing, every test that the rig can do is simulated under both: another flow, closing time, static head or temperature, a sensor more,
-/// the suspected cause put right. The tests come with the odds that each is expected to bring.
+/// The model in force is diagnosed. For each two answers left standing, every test that the rig can do is simulated
+/// under both: another flow, closing time, static head or temperature, a sensor more, the suspected cause put right.
+/// The tests come with the odds that each is expected to bring.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The model file that `calibrate --save` or `diagnose --apply` wrote.
@@ -35,8 +36,8 @@ pub struct Args {
     /// Replace an older file of settings.
     #[arg(long)]
     overwrite: bool,
-    /// Write a page with what each sensor would show, or with the tests that narrow the parameter; replaces an older page of that name, and no other
-    /// file.
+    /// Write a page with what each sensor would show, or with the tests that narrow the parameter; replaces an older
+    /// page of that name, and no other file.
     #[arg(long, value_name = "HTML")]
     report: Option<PathBuf>,
 }
@@ -44,7 +45,8 @@ pub struct Args {
 /// Runs it.
 ///
 /// # Errors
-/// A file or a recording that cannot be read, an effect or a parameter that does not exist, a file that cannot be written.
+/// A file or a recording that cannot be read, an effect or a parameter that does not exist, a file that cannot be
+/// written.
 pub fn run(args: Args, json: bool) -> CommandResult {
     if let Some(path) = &args.report {
         output::check_report(path)?;

@@ -28,12 +28,12 @@ const USUAL: [&str; 2] = ["recordings", "surgescope-demo"];
 
 /// Work on recordings in the browser: look, diagnose, add effects, move sliders.
 ///
-/// The models are kept in NAME.model.toml beside the recording, the file that `add`, `undo` and `refit` work on. The address carries a token;
-/// without it nobody comes in. Ctrl-C ends the workbench.
+/// The models are kept in NAME.model.toml beside the recording, the file that `add`, `undo` and `refit` work on. The
+/// address carries a token; without it nobody comes in. Ctrl-C ends the workbench.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Recordings of one rig, a folder of recordings, a model file, a rig file, or a table of a logger, for which a rig is made [default: recordings, or
-    /// surgescope-demo].
+    /// Recordings of one rig, a folder of recordings, a model file, a rig file, or a table of a logger, for which a rig
+    /// is made [default: recordings, or surgescope-demo].
     #[arg(value_name = "PATH")]
     paths: Vec<PathBuf>,
     /// Do not open a browser.
@@ -42,8 +42,8 @@ pub struct Args {
     /// Port to listen on; 0 takes a free one.
     #[arg(long, value_name = "PORT", default_value_t = 0)]
     port: u16,
-    /// Address to listen on. Any other than the default can be reached from the network: who reads along can use the workbench, because the
-    /// connection is not encrypted.
+    /// Address to listen on. Any other than the default can be reached from the network: who reads along can use the
+    /// workbench, because the connection is not encrypted.
     #[arg(long, value_name = "ADDRESS", default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST))]
     listen: IpAddr,
 }

@@ -50,8 +50,8 @@ pub struct Args {
     fitted: bool,
     #[command(flatten)]
     search: Search,
-    /// Fix parameters at these values, or keep them between two (NAME=LEAST:MOST); a parameter of each run is fixed in all runs. Name the recordings
-    /// first.
+    /// Fix parameters at these values, or keep them between two (NAME=LEAST:MOST); a parameter of each run is fixed in
+    /// all runs. Name the recordings first.
     #[arg(long, value_name = "NAME=VALUE", value_parser = hold::held, num_args = 1..)]
     hold: Vec<Hold>,
     #[command(flatten)]
@@ -62,12 +62,14 @@ pub struct Args {
     /// Use every Nth sample as an observation [default: chosen for at most 20000 observations].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     every: Option<u32>,
-    /// Reaches of the model's grid [default: those of the fit with --fitted, otherwise 128, or more if short pipes need them].
+    /// Reaches of the model's grid [default: those of the fit with --fitted, otherwise 128, or more if short pipes need
+    /// them].
     #[arg(long, value_name = "REACHES", value_parser = crate::cli::args::values::reaches, allow_negative_numbers = true)]
     reaches: Option<usize>,
 }
 
-/// More observations than these are thinned out unless somebody says otherwise: PEST keeps one matrix of them by the parameters.
+/// More observations than these are thinned out unless somebody says otherwise: PEST keeps one matrix of them by the
+/// parameters.
 const MOST_OBSERVATIONS: usize = 20_000;
 /// Reaches before a fit has chosen any: twice where a fit's refinement begins.
 const REACHES: usize = 128;

@@ -15,7 +15,8 @@ use crate::rig::{Device, Rig};
 /// List the serial ports, or try the devices of a rig.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Try to open the ports of this rig's devices; exit code 1 if one cannot be opened. Commands are looked up, not started.
+    /// Try to open the ports of this rig's devices; exit code 1 if one cannot be opened. Commands are looked up, not
+    /// started.
     #[arg(long, value_name = "RIG")]
     rig: Option<PathBuf>,
 }

@@ -15,8 +15,9 @@ use crate::storage::output;
 
 /// Predict recordings that a model was not fitted to.
 ///
-/// They may have another flow, closure or sensor. Parameters that all runs share are held at the model's values. A run's own values (velocity, head, closing time, zeros) are read from its
-/// signals up to the first return of the wave; everything after that is predicted.
+/// They may have another flow, closure or sensor. Parameters that all runs share are held at the model's values. A
+/// run's own values (velocity, head, closing time, zeros) are read from its signals up to the first return of the wave;
+/// everything after that is predicted.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The model file; its current model predicts.

@@ -72,8 +72,9 @@ pub struct Args {
     /// Play this many times faster than real time; 0: as fast as possible.
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = not_negative, requires = "paced", allow_negative_numbers = true)]
     speed: f64,
-    /// Let the simulated devices misbehave, as in flip=0.01,drop=0.02,seed=7: probabilities per frame of flip, drop, duplicate, noise, cut,
-    /// crc, stall, reset and late (Modbus answers), drift_ppm of their clocks, and echo=true, a Modbus line that sends back the requests.
+    /// Let the simulated devices misbehave, as in flip=0.01,drop=0.02,seed=7: probabilities per frame of flip, drop,
+    /// duplicate, noise, cut, crc, stall, reset and late (Modbus answers), drift_ppm of their clocks, and echo=true, a
+    /// Modbus line that sends back the requests.
     #[arg(long, value_name = "FAULTS", requires = "simulate")]
     faults: Option<String>,
     /// Effects of the simulated test.
@@ -161,7 +162,8 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     Ok(outcome(failed))
 }
 
-/// The run of a recording, its progress and warnings shown; none where a watch is at work in its folder, which will do it.
+/// The run of a recording, its progress and warnings shown; none where a watch is at work in its folder, which will do
+/// it.
 fn evaluated(path: &Path) -> Result<Option<Run>, AnyError> {
     let bar = progress_bar();
     let run = evaluate_new(path, &Settings::default(), &|notice| evaluation::show(&bar, notice));

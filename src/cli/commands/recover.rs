@@ -22,8 +22,8 @@ const GROWS_WITHIN: Duration = Duration::from_secs(1);
 
 /// Save what is in a recording that was cut off, or in all of a folder.
 ///
-/// Of a folder, each recording without an end becomes NAME-recovered.mcap, and its torn file NAME.mcap.torn. A file that is still being recorded
-/// stays as it is. Killed at any moment, it loses nothing: run it again.
+/// Of a folder, each recording without an end becomes NAME-recovered.mcap, and its torn file NAME.mcap.torn. A file
+/// that is still being recorded stays as it is. Killed at any moment, it loses nothing: run it again.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Recording that was cut off or damaged, which stays as it is; or a folder.

@@ -13,8 +13,8 @@ use crate::study::models;
 
 /// Fit the current model again after you have edited its file.
 ///
-/// The fit starts from the values in the file, holds those with `fixed = true` and keeps to the bounds there. Where it ends above the noise,
-/// it is also tried from the signals, and the better end is kept.
+/// The fit starts from the values in the file, holds those with `fixed = true` and keeps to the bounds there. Where it
+/// ends above the noise, it is also tried from the signals, and the better end is kept.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The model file.

@@ -18,12 +18,12 @@ use crate::shown::Shown as _;
 
 /// Check that recordings still give their expected results.
 ///
-/// Beside `NAME.mcap` stands `NAME.expected.toml` with the quantities to compare, each with a value and a tolerance. Exit 1
-/// where one moved, 2 where a recording or its expected results cannot be read.
+/// Beside `NAME.mcap` stands `NAME.expected.toml` with the quantities to compare, each with a value and a tolerance.
+/// Exit 1 where one moved, 2 where a recording or its expected results cannot be read.
 ///
-/// With `--json`: `compared`, `moved` and `recordings` [{`file`, `effects`, `moved`, `comparisons` [{`quantity`, `expected`,
-/// `tolerance`, `found`, `verdict` ("held", "moved" or "gone")}], `accepted` (the file written)}], or {`file`, `error`} for one
-/// that could not be compared.
+/// With `--json`: `compared`, `moved` and `recordings` [{`file`, `effects`, `moved`, `comparisons` [{`quantity`,
+/// `expected`, `tolerance`, `found`, `verdict` ("held", "moved" or "gone")}], `accepted` (the file written)}], or
+/// {`file`, `error`} for one that could not be compared.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Recordings, or folders that contain them (*.mcap).
@@ -32,8 +32,8 @@ pub struct Args {
     /// Save the present results as the expected ones, with tolerances from the standard errors.
     #[arg(long)]
     accept: bool,
-    /// Effects to calibrate with from now on; `none` for the base model alone [default: those of the old expected results, or no
-    /// calibration].
+    /// Effects to calibrate with from now on; `none` for the base model alone [default: those of the old expected
+    /// results, or no calibration].
     #[arg(long, value_name = "A,B", value_parser = parse_list, requires = "accept")]
     effects: Option<::std::vec::Vec<Chosen>>,
     /// Show all quantities, not only those that moved.

@@ -20,11 +20,12 @@ type AnyError = Box<dyn Error + Send + Sync>;
 
 /// Put many fits into one table.
 ///
-/// It has a row for each fit and run, with errors, parameters and their standard errors. Of the folder of a campaign, it has a row for each task,
-/// sorted by the tasks' names, and no times: it is the same however the tasks were done.
+/// It has a row for each fit and run, with errors, parameters and their standard errors. Of the folder of a campaign,
+/// it has a row for each task, sorted by the tasks' names, and no times: it is the same however the tasks were done.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Fits that `calibrate -o` wrote, or folders of them; other files in a folder are skipped. Or the folder of a campaign.
+    /// Fits that `calibrate -o` wrote, or folders of them; other files in a folder are skipped. Or the folder of a
+    /// campaign.
     #[arg(required = true, value_name = "FIT|FOLDER")]
     fits: Vec<PathBuf>,
     /// Table to write, as .csv or .parquet; must not exist.

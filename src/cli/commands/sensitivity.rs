@@ -25,8 +25,8 @@ use crate::sensitivity::{SensitivityError, levels, map};
 
 /// Show which parameter affects peaks, phase and damping of a closure.
 ///
-/// A parameter varies over its bounds in the catalogue; velocity, head, closing time and friction vary by 20 % to either side. --within and
-/// --range narrow that.
+/// A parameter varies over its bounds in the catalogue; velocity, head, closing time and friction vary by 20 % to
+/// either side. --within and --range narrow that.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The rig.
@@ -68,10 +68,12 @@ pub struct Args {
     /// Analysis of variance: runs per level; all other parameters are drawn anew for each.
     #[arg(long, value_name = "N", default_value_t = 3)]
     repeats: usize,
-    /// Analysis of variance: spread of the other parameters around their values unless a range is given, in percent to either side.
+    /// Analysis of variance: spread of the other parameters around their values unless a range is given, in percent to
+    /// either side.
     #[arg(long, value_name = "PERCENT", value_parser = positive, default_value_t = 5.0)]
     scatter: f64,
-    /// Maps: two parameters, horizontal and vertical [default for two elements: tau1_s:tau2_s, tau1_s:J1_per_GPa and tau2_s:J2_per_GPa].
+    /// Maps: two parameters, horizontal and vertical [default for two elements: tau1_s:tau2_s, tau1_s:J1_per_GPa and
+    /// tau2_s:J2_per_GPa].
     #[arg(long, value_name = "X:Y", value_parser = two_names, num_args = 1..)]
     map: Vec<(String, String)>,
     /// Maps: cells per side.
@@ -101,8 +103,8 @@ enum Method {
     Sobol,
 }
 
-/// Reaches unless `reaches` is set: features are within a percent of those on four times as many (a test says so), and thousands of runs are to be
-/// made.
+/// Reaches unless `reaches` is set: features are within a percent of those on four times as many (a test says so), and
+/// thousands of runs are to be made.
 const REACHES: f64 = 96.0;
 
 fn range(text: &str) -> Result<Range, String> {
@@ -125,7 +127,8 @@ fn two_names(text: &str) -> Result<(String, String), String> {
 /// Runs it.
 ///
 /// # Errors
-/// A rig that cannot be read, unknown parameters, ranges that are none, a file that cannot be written; if all simulations fail.
+/// A rig that cannot be read, unknown parameters, ranges that are none, a file that cannot be written; if all
+/// simulations fail.
 pub fn run(args: Args, json: bool) -> CommandResult {
     let scenario = scenario(&args)?;
     if let Some(path) = &args.report {
@@ -241,7 +244,8 @@ fn study(args: &Args, subject: &Subject, scenario: &Scenario) -> Result<Study, S
     Ok(study)
 }
 
-/// What an analysis of variance studies: the parameters of effects, or all where there are none, from half to twice their values.
+/// What an analysis of variance studies: the parameters of effects, or all where there are none, from half to twice
+/// their values.
 fn studied(args: &Args, subject: &Subject) -> Result<Vec<Factor>, SensitivityError> {
     let all = subject.factors(Reach::Factor(2.0), &args.range, &args.only)?;
     let of_effects = subject.model.effects_from()..subject.model.shared.len();

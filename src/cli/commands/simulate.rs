@@ -34,11 +34,12 @@ use crate::text_file::read_text;
 
 /// Simulate a closure on a rig; needs no recording.
 ///
-/// With an output named `.mcap`, the simulation is recorded as a laboratory would: with noise, resolution, steady seconds before the closure,
-/// flow and temperature. Hide an effect in it, and let `diagnose` find it.
+/// With an output named `.mcap`, the simulation is recorded as a laboratory would: with noise, resolution, steady
+/// seconds before the closure, flow and temperature. Hide an effect in it, and let `diagnose` find it.
 ///
-/// Every model has the settings wave_speed_m_s, friction_factor (a constant; by default it follows from Reynolds number and roughness),
-/// initial_velocity_m_s, valve_head_m, closing_time_s and reaches; each effect adds its own (J1_per_GPa, tau1_s, …).
+/// Every model has the settings wave_speed_m_s, friction_factor (a constant; by default it follows from Reynolds number
+/// and roughness), initial_velocity_m_s, valve_head_m, closing_time_s and reaches; each effect adds its own
+/// (J1_per_GPa, tau1_s, …).
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The rig; with --recording, it replaces the stored one.
@@ -58,7 +59,8 @@ pub struct Args {
     /// How the valve closes.
     #[arg(long, value_enum, default_value_t = ValveForm::Linear)]
     valve: ValveForm,
-    /// Simulated time after the start of the closure, s [default: ten periods; of a recording twelve, or the closing time and ten more].
+    /// Simulated time after the start of the closure, s [default: ten periods; of a recording twelve, or the closing
+    /// time and ten more].
     #[arg(long, value_name = "S", value_parser = positive, allow_negative_numbers = true)]
     duration: Option<f64>,
     /// Write values at 0, DT, 2 DT, … s [default: the simulation's own steps].
@@ -73,8 +75,8 @@ pub struct Args {
     /// Replace an existing output, unless it is the rig or a recording.
     #[arg(long, requires = "output")]
     overwrite: bool,
-    /// Write the energy balance in J at the same times: kinetic and strain energy in the line, energy from the supply, energy taken by valve,
-    /// friction and each effect; replaces an older file of that name.
+    /// Write the energy balance in J at the same times: kinetic and strain energy in the line, energy from the supply,
+    /// energy taken by valve, friction and each effect; replaces an older file of that name.
     #[arg(long, value_name = "CSV")]
     energy: Option<PathBuf>,
 }

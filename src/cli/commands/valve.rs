@@ -24,8 +24,9 @@ use crate::valve::curve::{ValveClosure, ValveLawChoice, choose_valve_law, closur
 
 /// Reconstruct how the valve closed from the head upstream of it.
 ///
-/// First, a model is calibrated with a valve that closes linearly and with one that closes in two stages (`valve-law`), if the record supports
-/// that. Then the measured head replaces the valve, and the waves that arrive there give the flow and the opening.
+/// First, a model is calibrated with a valve that closes linearly and with one that closes in two stages (`valve-law`),
+/// if the record supports that. Then the measured head replaces the valve, and the waves that arrive there give the
+/// flow and the opening.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Recordings of one rig.

@@ -28,10 +28,11 @@ const MOST_TRIES: u32 = 5;
 
 /// Fit and diagnose every recording that appears in a folder.
 ///
-/// Each finished recording is calibrated with the rig's last accepted model and diagnosed against it. Fit (NAME.fit.toml, and NAME.model.toml
-/// to continue from) and report (NAME.html) are written beside the recording, one line gives the verdict, and the folder's index
-/// (surgescope.sqlite) keeps the values for `surgescope history`. Ctrl-C ends the watch after the present run. It may be killed at any time: a new
-/// watch finishes what is missing. A recording counts once, however often it is copied or renamed.
+/// Each finished recording is calibrated with the rig's last accepted model and diagnosed against it. Fit
+/// (NAME.fit.toml, and NAME.model.toml to continue from) and report (NAME.html) are written beside the recording, one
+/// line gives the verdict, and the folder's index (surgescope.sqlite) keeps the values for `surgescope history`. Ctrl-C
+/// ends the watch after the present run. It may be killed at any time: a new watch finishes what is missing. A
+/// recording counts once, however often it is copied or renamed.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The folder.
@@ -42,7 +43,8 @@ pub struct Args {
     /// Read the recordings with this rig instead of the stored ones.
     #[arg(long, value_name = "RIG")]
     rig: Option<PathBuf>,
-    /// Process what is there and end: exit code 1 if a run failed or was interrupted too often, 3 if a recording has no end. --json needs it.
+    /// Process what is there and end: exit code 1 if a run failed or was interrupted too often, 3 if a recording has no
+    /// end. --json needs it.
     #[arg(long)]
     once: bool,
     /// Print each verdict as one line of JSON.

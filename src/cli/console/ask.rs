@@ -1,4 +1,5 @@
-//! Questions on the terminal. All are lines of text: what is typed can be corrected, and Ctrl-C leaves the terminal as it was.
+//! Questions on the terminal. All are lines of text: what is typed can be corrected, and Ctrl-C leaves the terminal as
+//! it was.
 
 use std::cell::{Cell, RefCell};
 

@@ -1,5 +1,5 @@
-//! Messages must neither keep the work from beginning nor the program from ending: a terminal that was stopped (Ctrl-S), or a pipe that nobody
-//! reads, would block it for ever.
+//! Messages must neither keep the work from beginning nor the program from ending: a terminal that was stopped
+//! (Ctrl-S), or a pipe that nobody reads, would block it for ever.
 
 use std::process::exit;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -17,7 +17,8 @@ const LOOK_EVERY: Duration = Duration::from_millis(100);
 /// How long the work waits for the messages before it.
 const FIRST_WORDS: Duration = Duration::from_millis(500);
 
-/// While this is held, the program ends with exit code `code` when `stop` is set and what is being written does not go on.
+/// While this is held, the program ends with exit code `code` when `stop` is set and what is being written does not go
+/// on.
 pub(crate) struct LastWords {
     /// Dropped with this: the message is written.
     _said: Sender<()>,
@@ -44,7 +45,8 @@ impl LastWords {
     }
 }
 
-/// Tells lines before work that must not wait for their reader: where they cannot be told soon, a thread of its own goes on trying.
+/// Tells lines before work that must not wait for their reader: where they cannot be told soon, a thread of its own
+/// goes on trying.
 pub(crate) fn tell_first(lines: Vec<String>) {
     let (said, wait) = channel::<()>();
     let tell = move || {

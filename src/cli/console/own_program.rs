@@ -1,4 +1,5 @@
-//! How this program is started again, by itself or by an engine: its file, unless it runs within another program, such as Python.
+//! How this program is started again, by itself or by an engine: its file, unless it runs within another program, such
+//! as Python.
 
 use std::io;
 use std::path::PathBuf;

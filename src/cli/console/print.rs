@@ -17,8 +17,8 @@ macro_rules! say_text {
         $crate::cli::console::print::write_out(format_args!("{}", $text))?
     };
 }
-/// A line on standard error: progress, notes, warnings. Where nobody reads it any more, or its disk is full, the work goes on
-/// and the exit code stays: `eprintln!` would panic.
+/// A line on standard error: progress, notes, warnings. Where nobody reads it any more, or its disk is full, the work
+/// goes on and the exit code stays: `eprintln!` would panic.
 macro_rules! tell {
     ($($arg:tt)*) => { $crate::cli::console::print::write_err(format_args!($($arg)*)) };
 }
@@ -42,7 +42,8 @@ pub(crate) fn take_warnings() -> Vec<String> {
     std::mem::take(&mut WARNINGS.lock().unwrap_or_else(PoisonError::into_inner))
 }
 
-/// The text with the options that the library names (option `date_order dmy`) as flags of the command line (`--date-order dmy`).
+/// The text with the options that the library names (option `date_order dmy`) as flags of the command line
+/// (`--date-order dmy`).
 pub(crate) fn with_flags(text: &str) -> Cow<'_, str> {
     reworded(text, |option| {
         let value = option.value.map_or(String::new(), |value| format!(" {value}"));
@@ -50,8 +51,9 @@ pub(crate) fn with_flags(text: &str) -> Cow<'_, str> {
     })
 }
 
-/// Text whose lines are the program's own and in which nothing else controls a terminal: everything printed passes here. Names and paths show
-/// line breaks as `\n` before they come here ([`Shown`](crate::shown::Shown)). Written as JSON does, in JSON as well.
+/// Text whose lines are the program's own and in which nothing else controls a terminal: everything printed passes
+/// here. Names and paths show line breaks as `\n` before they come here ([`Shown`](crate::shown::Shown)). Written as
+/// JSON does, in JSON as well.
 pub(crate) fn harmless(text: &str) -> Cow<'_, str> {
     let is_harmful = |c: char| controls(c) && c != '\n' && c != '\t';
     if !text.contains(is_harmful) {

@@ -8,8 +8,9 @@ pub(crate) static STOP: AtomicBool = AtomicBool::new(false);
 /// Set by the second of them: what is at work need not be finished.
 pub(crate) static STOP_AT_ONCE: AtomicBool = AtomicBool::new(false);
 
-/// A write beyond the shell's limit of a file's size (`ulimit -f`) fails as on a full disk, with the same error; otherwise the system would end the
-/// program without a word. The handler stays for as long as the program runs, and no device's program inherits it.
+/// A write beyond the shell's limit of a file's size (`ulimit -f`) fails as on a full disk, with the same error;
+/// otherwise the system would end the program without a word. The handler stays for as long as the program runs, and no
+/// device's program inherits it.
 ///
 /// # Errors
 /// No handler can be set.
@@ -28,7 +29,8 @@ pub(crate) fn outlive_file_limits() -> std::io::Result<()> {
     Ok(())
 }
 
-/// Lets Ctrl-C and the requests to terminate or hang up end the recording, not the program: its file is made whole first.
+/// Lets Ctrl-C and the requests to terminate or hang up end the recording, not the program: its file is made whole
+/// first.
 #[cfg(unix)]
 pub(crate) fn stop_on_signals() -> std::io::Result<()> {
     use std::task::Poll;
@@ -58,7 +60,8 @@ pub(crate) fn stop_on_signals() -> std::io::Result<()> {
     Ok(())
 }
 
-/// Whether the program was started to go on when its terminal closes, as `nohup` does. Known on Linux; elsewhere a closed terminal ends it.
+/// Whether the program was started to go on when its terminal closes, as `nohup` does. Known on Linux; elsewhere a
+/// closed terminal ends it.
 #[cfg(unix)]
 fn ignores_hangup() -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();

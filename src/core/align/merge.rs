@@ -4,9 +4,10 @@ use crate::align::clock::{Clock, Part};
 use crate::recording::{Gap, Recording, RunInfo, Series};
 use crate::robust::median;
 
-/// Puts all parts on the first one's clock and merges them. What several files have of a sensor is joined where one goes on after the other;
-/// otherwise the one with most samples stays. Notes state how each part was aligned and what was left out; comments keep their file's name. The second
-/// value lists what was left out. Times are whole nanoseconds afterwards.
+/// Puts all parts on the first one's clock and merges them. What several files have of a sensor is joined where one
+/// goes on after the other; otherwise the one with most samples stays. Notes state how each part was aligned and what
+/// was left out; comments keep their file's name. The second value lists what was left out. Times are whole nanoseconds
+/// afterwards.
 pub fn merge(parts: Vec<Part>, clocks: &[Clock]) -> Option<(Recording, Vec<String>)> {
     let rig = parts.first()?.recording.rig.clone();
     let mut left_out = Vec::new();
@@ -73,8 +74,8 @@ pub fn merge(parts: Vec<Part>, clocks: &[Clock]) -> Option<(Recording, Vec<Strin
 /// Times that differ by less than this share of a step are one time.
 const SAME_TIME: f64 = 1e-3;
 
-/// How many samples at the beginning of the later series are those at the end of the first, time by time and value by value; `None` where the series
-/// overlap otherwise.
+/// How many samples at the beginning of the later series are those at the end of the first, time by time and value by
+/// value; `None` where the series overlap otherwise.
 pub(crate) fn repeated(first: &Series, then: &Series) -> Option<usize> {
     let (Some(&end_s), Some(&begin_s)) = (first.time_s.last(), then.time_s.first()) else { return Some(0) };
     let step_s = median(&mut then.time_s.windows(2).map(|w| w[1] - w[0]).collect::<Vec<f64>>());

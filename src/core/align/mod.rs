@@ -89,8 +89,8 @@ fn in_common(parts: &[Part]) -> Option<&str> {
     Some(&sensors[shared].name)
 }
 
-/// Clocks of files that hold one record, each a part of its time: they go on where others end, by their starts or, where not all give one, by their
-/// times. None where they have no sensor in common.
+/// Clocks of files that hold one record, each a part of its time: they go on where others end, by their starts or,
+/// where not all give one, by their times. None where they have no sensor in common.
 fn continued(parts: &[Part]) -> Option<Vec<Clock>> {
     in_common(parts)?;
     let by_start = parts.iter().all(|part| part.recording.run.start_unix_ns > 0);

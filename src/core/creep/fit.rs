@@ -10,8 +10,9 @@ use crate::creep::thresholds::{BARE_MENTION, LEAST_NOISE, LEAST_VARIANCE, MAX_EL
 use crate::creep::{Creep, CreepError, CreepTest};
 use crate::fit::numeric::quantiles::student_95;
 
-/// Fits tests of one material together: one temperature, or times shifted to the `reference_degc` (the first test's where it is none).
-/// Evidence chooses the number of elements where `elements` is none: the smallest over which the best has no more than a bare mention.
+/// Fits tests of one material together: one temperature, or times shifted to the `reference_degc` (the first test's
+/// where it is none). Evidence chooses the number of elements where `elements` is none: the smallest over which the
+/// best has no more than a bare mention.
 ///
 /// # Errors
 /// A reference that was not tested; more parameters than samples.
@@ -116,8 +117,8 @@ fn list(degc: &[f64]) -> String {
     degc.iter().map(|t| format!("{t}")).collect::<Vec<_>>().join(", ")
 }
 
-/// Gives each test its noise, from the residuals of a spectrum of retardation times at its temperature: constant or proportional to the
-/// reading, whichever is likelier for all tests.
+/// Gives each test its noise, from the residuals of a spectrum of retardation times at its temperature: constant or
+/// proportional to the reading, whichever is likelier for all tests.
 fn weighted(tests: &[CreepTest], shift_of: &dyn Fn(&CreepTest) -> Option<usize>) -> (Vec<Shifted>, Noise) {
     let unweighted = |t: &CreepTest| Samples {
         time_s: t.time_s.clone(),

@@ -1,7 +1,7 @@
 //! The creep test: the strain of a specimen under a constant load gives the Kelvin-Voigt elements of the pipe's wall.
 //!
-//! `J(t) = J0 + Σ J_k (1 - exp(-t/τ_k))` (generalised Kelvin-Voigt; Ferry, Viscoelastic Properties of Polymers, 1980, ch. 1 and 11 for the
-//! shift of times with temperature, `τ_k(T) = a_T τ_k`).
+//! `J(t) = J0 + Σ J_k (1 - exp(-t/τ_k))` (generalised Kelvin-Voigt; Ferry, Viscoelastic Properties of Polymers, 1980,
+//! ch. 1 and 11 for the shift of times with temperature, `τ_k(T) = a_T τ_k`).
 //!
 //! | file | what it does |
 //! | --- | --- |

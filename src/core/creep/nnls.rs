@@ -1,7 +1,7 @@
 //! Non-negative least squares: Lawson & Hanson (1974), Solving Least Squares Problems, ch. 23, algorithm NNLS.
 //!
-//! Each trial set of columns is solved by QR of the columns themselves, not by normal equations: exponentials of neighbouring
-//! retardation times are nearly parallel.
+//! Each trial set of columns is solved by QR of the columns themselves, not by normal equations: exponentials of
+//! neighbouring retardation times are nearly parallel.
 
 use crate::creep::thresholds::NNLS_TOLERANCE;
 use nalgebra::{DMatrix, DVector};
@@ -99,7 +99,8 @@ mod tests {
     }
 
     proptest! {
-        /// Karush, Kuhn and Tucker: nothing negative; no gain from a column that is used, none from raising one that is not.
+        /// Karush, Kuhn and Tucker: nothing negative; no gain from a column that is used, none from raising one that is
+        /// not.
         #[test]
         fn the_optimum_satisfies_its_conditions(cells in prop::collection::vec(-1.0f64..1.0, 60), right in prop::collection::vec(-1.0f64..1.0, 10)) {
             let a = DMatrix::from_row_slice(10, 6, &cells);

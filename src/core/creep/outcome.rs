@@ -123,7 +123,8 @@ impl CreepFit {
         (self.tests.iter().map(|t| samples(t) * of(t).powi(2)).sum::<f64>() / total).sqrt()
     }
 
-    /// Time of the first reading, reduced to the reference, s: J0 includes all creep within it. 0 where a reading was taken at once.
+    /// Time of the first reading, reduced to the reference, s: J0 includes all creep within it. 0 where a reading was
+    /// taken at once.
     pub fn first_reading_s(&self) -> f64 {
         self.tests.iter().filter_map(|t| t.test.time_s.first().map(|s| s / t.factor)).fold(f64::INFINITY, f64::min)
     }

@@ -1,11 +1,12 @@
 //! The prior that a creep test gives a calibration: of the elements that a surge can show.
 //!
-//! An element much slower than the surge does not move during it, and one much faster looks like the instantaneous modulus, which
-//! the wave speed already includes: neither is a parameter of the surge. The others get a lognormal prior for J and for τ.
+//! An element much slower than the surge does not move during it, and one much faster looks like the instantaneous
+//! modulus, which the wave speed already includes: neither is a parameter of the surge. The others get a lognormal
+//! prior for J and for τ.
 //!
-//! A laboratory's first reading is a tenth of a second or more after the load, later than much that a surge shows. Faster elements are part of the test's J0,
-//! which says little about the wave speed and is not used for it. Elements faster than the first reading may still be added,
-//! with a prior that they are no slower.
+//! A laboratory's first reading is a tenth of a second or more after the load, later than much that a surge shows.
+//! Faster elements are part of the test's J0, which says little about the wave speed and is not used for it. Elements
+//! faster than the first reading may still be added, with a prior that they are no slower.
 
 use crate::creep::CreepError;
 use crate::creep::file::{CreepFile, ElementTable};
@@ -27,8 +28,8 @@ pub struct WallPrior {
     pub sentences: Vec<String>,
 }
 
-/// The prior of a wall in a surge of `period_s` at a water temperature. No standard deviation is less than `least_sd`, relative: a slow test
-/// at larger strain is no surge. At most `most` elements.
+/// The prior of a wall in a surge of `period_s` at a water temperature. No standard deviation is less than `least_sd`,
+/// relative: a slow test at larger strain is no surge. At most `most` elements.
 ///
 /// # Errors
 /// A test without an element that the surge can show, or with more than `most`.

@@ -11,12 +11,13 @@ const COMPLIANCES: [(&str, f64); 3] =
 /// Columns of strain, and 1 in their unit.
 const STRAINS: [(&str, f64); 3] = [("strain", 1.0), ("strain_percent", 1e-2), ("strain_microstrain", 1e-6)];
 
-/// Reads a test; `stress_pa` is the constant stress of one that gives strains. `#` begins a comment line; other columns are
-/// ignored.
+/// Reads a test; `stress_pa` is the constant stress of one that gives strains. `#` begins a comment line; other columns
+/// are ignored.
 ///
 /// # Errors
-/// [`CreepError::Csv`] with the line and what to do: columns that are missing or there twice, a strain without stress, lines of another
-/// length, cells that are not finite numbers, times that are negative or do not increase, compliances that are not positive.
+/// [`CreepError::Csv`] with the line and what to do: columns that are missing or there twice, a strain without stress,
+/// lines of another length, cells that are not finite numbers, times that are negative or do not increase, compliances
+/// that are not positive.
 pub fn read(file: &str, text: &str, stress_pa: Option<f64>) -> Result<CreepTest, CreepError> {
     let fault = |line: Option<usize>, problem: String| CreepError::Csv { file: file.to_owned(), line, problem };
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);

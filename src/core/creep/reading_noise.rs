@@ -1,11 +1,13 @@
 //! How neighbouring readings of a creep test are correlated, and the effect on the errors of its fit.
 //!
-//! The spectrum of the residuals, by which errors of a long record are judged ([`crate::fit::inference::noise_autocorrelation`]), fails for a creep test: of noise that drifts there are
-//! few independent readings, and the fit absorbs most of its slow part. So the noise is modelled as a first-order autoregression in the order of
-//! the readings (whatever the times between them: it drifts from reading to reading) and white noise of the reading itself, without which
-//! the drift would be hidden. The correlation φ of what drifts and the share of what is white are found by restricted likelihood, which accounts for what the
-//! fit has absorbed (Patterson & Thompson 1971, Biometrika 58, 545), by the innovations of a Kalman filter (Harvey 1989, Forecasting, Structural Time Series Models and the
-//! Kalman Filter, sec. 3.4). With them, as for any noise, `C = A Jᵀ V J A`, `A = (JᵀJ)⁻¹`.
+//! The spectrum of the residuals, by which errors of a long record are judged
+//! ([`crate::fit::inference::noise_autocorrelation`]), fails for a creep test: of noise that drifts there are few
+//! independent readings, and the fit absorbs most of its slow part. So the noise is modelled as a first-order
+//! autoregression in the order of the readings (whatever the times between them: it drifts from reading to reading) and
+//! white noise of the reading itself, without which the drift would be hidden. The correlation φ of what drifts and the
+//! share of what is white are found by restricted likelihood, which accounts for what the fit has absorbed (Patterson &
+//! Thompson 1971, Biometrika 58, 545), by the innovations of a Kalman filter (Harvey 1989, Forecasting, Structural Time
+//! Series Models and the Kalman Filter, sec. 3.4). With them, as for any noise, `C = A Jᵀ V J A`, `A = (JᵀJ)⁻¹`.
 
 use std::ops::Range;
 
@@ -83,8 +85,9 @@ impl ReadingNoise {
             .map_or_else(|| residuals.iter().map(|r| r * r).sum(), |found| found.square)
     }
 
-    /// A series without the correlation of each record: the difference of each value from its prediction by those before, over the standard
-    /// deviation of that for noise of variance 1; and the sum of the logarithms of these variances.
+    /// A series without the correlation of each record: the difference of each value from its prediction by those
+    /// before, over the standard deviation of that for noise of variance 1; and the sum of the logarithms of these
+    /// variances.
     fn innovations(&self, series: &[f64], records: &[Range<usize>]) -> (Vec<f64>, f64) {
         let (phi, white, slow) = (self.phi, self.white, 1.0 - self.white);
         let (mut out, mut logs) = (series.to_vec(), 0.0);
@@ -107,7 +110,8 @@ impl ReadingNoise {
         1.0 + (1.0 - self.white) * 2.0 * self.phi / (1.0 - self.phi)
     }
 
-    /// The covariance of the variables, noise taken as not below `least` in variance; zero for those at a bound, infinite for those left open.
+    /// The covariance of the variables, noise taken as not below `least` in variance; zero for those at a bound,
+    /// infinite for those left open.
     pub(crate) fn covariance(
         &self,
         columns: &[Vec<f64>],
@@ -172,7 +176,8 @@ mod tests {
             .collect()
     }
 
-    /// A level and a bend out of some 300 readings whose noise is worth but 15 of them: the estimates scatter as predicted.
+    /// A level and a bend out of some 300 readings whose noise is worth but 15 of them: the estimates scatter as
+    /// predicted.
     #[test]
     fn estimates_scatter_as_they_are_said_to() {
         let n = 280;
@@ -213,8 +218,8 @@ mod tests {
         assert_eq!(ReadingNoise::of(&[&[1.0; 50]], &tiny, std::slice::from_ref(&(0..50))).inflation(), 1.0);
     }
 
-    /// Of noise that drifts and of readings that are white beside it, innovations match the covariance: `|innovations|² = rᵀ V⁻¹ r`, and their variances
-    /// multiply to its determinant.
+    /// Of noise that drifts and of readings that are white beside it, innovations match the covariance:
+    /// `|innovations|² = rᵀ V⁻¹ r`, and their variances multiply to its determinant.
     #[test]
     fn innovations_whiten_a_drift_with_white_noise_on_top() {
         let alike = ReadingNoise { phi: 0.9, white: 0.3, variance: 1.0 };

@@ -10,8 +10,8 @@ use crate::fit::outcome::thresholds::STRONG_EVIDENCE;
 use crate::number::significant;
 use crate::rig::material::MATERIALS;
 
-/// Adds sentences: `room` elements could be tried at the most; `most_taken` if evidence chose as many as were tried; `asked` if their number
-/// was given.
+/// Adds sentences: `room` elements could be tried at the most; `most_taken` if evidence chose as many as were tried;
+/// `asked` if their number was given.
 pub(crate) fn remark(fit: &mut CreepFit, ladder: &Ladder, step: &Step, (room, most_taken): (usize, bool), asked: bool) {
     let chosen = fit.creep.elements.len();
     let (shortest_s, longest_s) = fit.span_s();

@@ -1,6 +1,7 @@
 //! How retardation times depend on temperature: Arrhenius' law, and that of Williams, Landel and Ferry.
 //!
-//! `ln a_T = (E/R)(1/T - 1/T_ref)`; `log10 a_T = -C1 (T - T_ref)/(C2 + T - T_ref)` (Ferry 1980, ch. 11; J. Am. Chem. Soc. 77:3701, 1955).
+//! `ln a_T = (E/R)(1/T - 1/T_ref)`; `log10 a_T = -C1 (T - T_ref)/(C2 + T - T_ref)` (Ferry 1980, ch. 11; J. Am. Chem.
+//! Soc. 77:3701, 1955).
 
 use nalgebra::{DMatrix, DVector};
 
@@ -33,7 +34,8 @@ pub struct Arrhenius {
     pub standard_error_j_mol: f64,
     /// Root mean square of what it leaves of `log10 a_T`.
     pub rms_decades: f64,
-    /// It describes the factors within their errors (by χ² at 1%); none where there is but one, which any energy describes.
+    /// It describes the factors within their errors (by χ² at 1%); none where there is but one, which any energy
+    /// describes.
     pub describes: Option<bool>,
 }
 

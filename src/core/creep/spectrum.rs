@@ -19,7 +19,8 @@ pub(crate) struct Samples {
 }
 
 impl Samples {
-    /// Means over short stretches of log time, with their standard deviations: many samples a second late in a test show little more than a few.
+    /// Means over short stretches of log time, with their standard deviations: many samples a second late in a test
+    /// show little more than a few.
     pub(crate) fn thinned(&self) -> Samples {
         let mut thin = Samples::default();
         let bin = |t: f64| if t > 0.0 { (t.log10() * THINNED_PER_DECADE).floor() } else { f64::NEG_INFINITY };
@@ -55,7 +56,8 @@ impl Samples {
     }
 }
 
-/// The best creep with these retardation times and no negative compliance, and the sum of its squared weighted residuals.
+/// The best creep with these retardation times and no negative compliance, and the sum of its squared weighted
+/// residuals.
 pub(crate) fn with_times(samples: &Samples, tau_s: &[f64]) -> (Creep, f64) {
     let rows = samples.time_s.len();
     let matrix = DMatrix::from_fn(rows, tau_s.len() + 1, |i, j| {
@@ -81,8 +83,8 @@ pub(crate) fn spectrum(samples: &Samples) -> (Creep, f64) {
     (creep, square)
 }
 
-/// Merges neighbouring elements, each pair at the mean of its log τ weighted by compliance, until `most` are left and none are
-/// neighbours.
+/// Merges neighbouring elements, each pair at the mean of its log τ weighted by compliance, until `most` are left and
+/// none are neighbours.
 pub(crate) fn merged(mut elements: Vec<Element>, most: usize) -> Vec<Element> {
     elements.sort_by(|a, b| a.tau_s.total_cmp(&b.tau_s));
     while elements.len() > 1 {

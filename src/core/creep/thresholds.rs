@@ -9,7 +9,8 @@ pub(crate) const LONGEST_TEST_S: f64 = 3.2e10;
 /// Fewest samples of a test. Chosen.
 pub(crate) const LEAST_SAMPLES: usize = 5;
 
-/// Gradient of a unit column, relative to the length of the right-hand side, below which nothing is gained. Chosen: near rounding.
+/// Gradient of a unit column, relative to the length of the right-hand side, below which nothing is gained. Chosen:
+/// near rounding.
 pub(crate) const NNLS_TOLERANCE: f64 = 1e-10;
 /// Retardation times of the spectrum's grid for each decade. Chosen.
 pub(crate) const GRID_PER_DECADE: f64 = 8.0;
@@ -22,10 +23,11 @@ pub(crate) const NEIGHBOUR_RATIO: f64 = 1.8;
 pub(crate) const LOG_DIFFERENCE: f64 = 1e-6;
 /// Least compliance that a fit may take, as a share of the largest measured. Chosen.
 pub(crate) const LEAST_COMPLIANCE: f64 = 1e-5;
-/// Largest compliance that a fit may take, in units of the largest measured: only the slope of an element far slower than the test shows.
-/// Chosen.
+/// Largest compliance that a fit may take, in units of the largest measured: only the slope of an element far slower
+/// than the test shows. Chosen.
 pub(crate) const LARGEST_COMPLIANCE: f64 = 1e2;
-/// Retardation times that a fit may take: from the first sample's time times this, to the last one's times that. Chosen.
+/// Retardation times that a fit may take: from the first sample's time times this, to the last one's times that.
+/// Chosen.
 pub(crate) const TAU_RANGE: (f64, f64) = (0.2, 20.0);
 /// Largest logarithm of a shift factor: seven decades. Chosen.
 pub(crate) const LARGEST_LOG_SHIFT: f64 = 16.0;
@@ -38,7 +40,8 @@ pub(crate) const FIT_LIMITS: Limits =
     Limits { iterations: 200, cost_tolerance: 1e-10, step_tolerance: 1e-9, thorough: false };
 /// Elements in a row that bring no evidence, after which no more are tried. Chosen.
 pub(crate) const MAX_VAIN_ELEMENTS: usize = 2;
-/// Mean square of residuals, in units of the noise's, below which nothing is left to explain: readings are rounded. Chosen.
+/// Mean square of residuals, in units of the noise's, below which nothing is left to explain: readings are rounded.
+/// Chosen.
 pub(crate) const LEAST_MEAN_SQUARE: f64 = 0.1;
 /// Shifts of time that are tried: up to this many decades either way. Chosen.
 pub(crate) const SCAN_DECADES: f64 = 6.0;
@@ -58,7 +61,8 @@ pub(crate) const WHITE_NOISE_PENALTY: f64 = 2.0;
 pub(crate) const MAX_ELEMENTS: usize = 6;
 /// Least noise of a strain, relative. Chosen.
 pub(crate) const LEAST_NOISE: f64 = 1e-6;
-/// Least variance of the residuals, in units of the noise's: readings without noise still have so many digits only. Chosen.
+/// Least variance of the residuals, in units of the noise's: readings without noise still have so many digits only.
+/// Chosen.
 pub(crate) const LEAST_VARIANCE: f64 = 0.25;
 /// Fall of the Bayesian information criterion that is worth no more than a bare mention (Kass & Raftery 1995).
 pub(crate) const BARE_MENTION: f64 = 2.0;
@@ -73,7 +77,8 @@ pub(crate) const WLF_LIMITS: Limits =
 
 /// Retarded compliance, as a share of J0, from which on a wall creeps. Chosen.
 pub(crate) const CREEPING_SHARE: f64 = 0.05;
-/// Factor by which compliances may lie beyond those of the library: other grades, and J0 of a test that begins late. Chosen.
+/// Factor by which compliances may lie beyond those of the library: other grades, and J0 of a test that begins late.
+/// Chosen.
 pub(crate) const MATERIAL_MARGIN: f64 = 1.5;
 /// A test that the fit leaves at this many times its noise contradicts the others. Chosen.
 pub(crate) const CONTRADICTING_NOISE: f64 = 2.0;

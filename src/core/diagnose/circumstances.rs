@@ -1,4 +1,5 @@
-//! What records show before any fit: how near to vapour pressure they come, how densely they are sampled, how many features they have.
+//! What records show before any fit: how near to vapour pressure they come, how densely they are sampled, how many
+//! features they have.
 
 use crate::diagnose::limits::{FEATURES_PER_HALF_CYCLE, FLOOR_SAMPLES, TELLING_HALF_CYCLES};
 use crate::fit::data::run_data::{RunData, SensorData};
@@ -10,8 +11,9 @@ pub(crate) fn circumstances<'a>(rig: &'a Rig, runs: &[RunData]) -> Circumstances
     Circumstances { rig, above_vapour_m: above_vapour_m(rig, runs), sample_s: sample_s(runs) }
 }
 
-/// Number of independent features of the records if something other than noise is left. However densely it was sampled, a half cycle has only a
-/// few (front, plateau, return); and a model errs alike at every sensor and in every later cycle, so each run counts as [`TELLING_HALF_CYCLES`] at most.
+/// Number of independent features of the records if something other than noise is left. However densely it was sampled,
+/// a half cycle has only a few (front, plateau, return); and a model errs alike at every sensor and in every later
+/// cycle, so each run counts as [`TELLING_HALF_CYCLES`] at most.
 pub(crate) fn features(runs: &[RunData]) -> f64 {
     let of_run = |run: &RunData| run.extrema.iter().map(Vec::len).max().unwrap_or(0).min(TELLING_HALF_CYCLES);
     FEATURES_PER_HALF_CYCLE * runs.iter().map(of_run).sum::<usize>().max(1) as f64

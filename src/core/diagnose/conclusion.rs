@@ -34,8 +34,8 @@ pub(crate) fn diagnosis(search: &Search, state: &[&'static str], is_held: bool) 
     let shown = weighed.models.first().is_some_and(|m| m.is_shown && m.evidence > 0.0);
     let (mut pair, mut rival_pairs) = if shown { (None, Vec::new()) } else { pairs(search, &weighed) };
     let (mut verdict, mut other) = verdict(over_noise(start, runs), &candidates, pair.as_ref(), shown);
-    // No effect makes a wave faster. Where the record shows one that the pipe of the rig file cannot have, an answer that follows it all the same, or
-    // that explains nothing, makes up for a wrong length, wall or material.
+    // No effect makes a wave faster. Where the record shows one that the pipe of the rig file cannot have, an answer
+    // that follows it all the same, or that explains nothing, makes up for a wrong length, wall or material.
     let answered = pair.as_ref().map(|p| &p.fit).or(candidates.first().and_then(|c| c.fit.as_ref()));
     let astray = |fit: &Fit| over_noise(fit, runs) > UNEXPLAINED_OVER_NOISE || follows_too_fast(rig, runs, fit);
     let rig_file_is_wrong =
@@ -131,7 +131,8 @@ fn candidates(search: &Search, weighed: &Weighed) -> Vec<Candidate> {
     all
 }
 
-/// The most probable pair, where the evidence for the second effect is enough, and the others whose share is not negligible beside it.
+/// The most probable pair, where the evidence for the second effect is enough, and the others whose share is not
+/// negligible beside it.
 fn pairs(search: &Search, weighed: &Weighed) -> (Option<Pair>, Vec<RivalPair>) {
     let both = |m: &&WeighedModel| m.added.len() == 2 && m.evidence > LEAST_EVIDENCE && m.met.fit.is_some();
     let mut all = weighed.models.iter().filter(both);
@@ -181,8 +182,8 @@ fn follows_too_fast(rig: &Rig, runs: &[RunData], fit: &Fit) -> bool {
     travel_s.is_ok_and(|travel_s| travel_s.way_s() < AS_FAST * least_s)
 }
 
-/// Adds to the diagnosis of a missing effect: how well the effect predicts the end of the records, and the test that would
-/// tell it from the candidate that the data cannot tell it from.
+/// Adds to the diagnosis of a missing effect: how well the effect predicts the end of the records, and the test that
+/// would tell it from the candidate that the data cannot tell it from.
 fn explain(search: &Search, baseline: &Baseline, weighed: &Weighed, diagnosis: &mut Diagnosis) {
     let fitter = &search.fitter;
     (fitter.progress)(&Progress::from("predicting the end of the records from their beginning"));

@@ -44,8 +44,9 @@ impl Fitter<'_> {
         fit_coarsely(self.rig, self.runs, &effects, self.options)
     }
 
-    /// A fit led on to its optimum: until it converges, and with as many more elements of its effect `open` as the evidence supports. Near the noise a
-    /// model with cavities has a finer grid than before: the grid's error decides between rivals there.
+    /// A fit led on to its optimum: until it converges, and with as many more elements of its effect `open` as the
+    /// evidence supports. Near the noise a model with cavities has a finer grid than before: the grid's error decides
+    /// between rivals there.
     pub(crate) fn to_its_end(&self, fit: &Fit, open: Option<usize>) -> Result<Fit, FitError> {
         let most = if self.is_held_back(fit) { usize::MAX } else { MOST_REACHES_WITH_CAVITIES };
         let options = self.bounded(&fit.effects, most);
@@ -58,7 +59,8 @@ impl Fitter<'_> {
         Ok(open.and_then(|i| self.with_more_elements(&end, i)).unwrap_or(end))
     }
 
-    /// A fitted model with as many more elements of its effect `i` as the evidence supports; none where it supports no more.
+    /// A fitted model with as many more elements of its effect `i` as the evidence supports; none where it supports no
+    /// more.
     pub(crate) fn with_more_elements(&self, fit: &Fit, i: usize) -> Option<Fit> {
         let most = *fit.effects[i].effect.elements()?.end();
         let (options, shown) = (self.bounded(&fit.effects, MOST_REACHES_WITH_CAVITIES), self.shown(&fit.effects));
@@ -90,7 +92,8 @@ impl Fitter<'_> {
         Options { brief: true, ..self.bounded(effects, MOST_REACHES_WITH_CAVITIES) }
     }
 
-    /// The options, on no more reaches than so many where the effects have cavities. Models are compared, so their elements are not pruned.
+    /// The options, on no more reaches than so many where the effects have cavities. Models are compared, so their
+    /// elements are not pruned.
     fn bounded(&self, effects: &[Chosen], with_cavities: usize) -> Options {
         let most = if boils(effects) { with_cavities } else { usize::MAX };
         Options { most_reaches: self.options.most_reaches.min(most), prune: false, ..self.options.clone() }

@@ -1,7 +1,7 @@
 //! A model that grows by what it lacks: one search, which goes on from each answer.
 //!
-//! The models that the search has met stay known, so what was added first is compared with what was found later. Where a model without it, or with
-//! another effect in its place, turns out to be more probable, it is taken out.
+//! The models that the search has met stay known, so what was added first is compared with what was found later. Where
+//! a model without it, or with another effect in its place, turns out to be more probable, it is taken out.
 
 use crate::diagnose::baseline::Baseline;
 use crate::diagnose::conclusion::diagnosis;
@@ -91,7 +91,8 @@ impl Growing {
         Ok(self)
     }
 
-    /// Diagnoses the current model and adds what it lacks, or takes out what it does not need. None where nothing is left to do.
+    /// Diagnoses the current model and adds what it lacks, or takes out what it does not need. None where nothing is
+    /// left to do.
     ///
     /// # Errors
     /// As [`crate::diagnose::diagnose`].
@@ -155,7 +156,8 @@ impl Growing {
     }
 }
 
-/// What a state needs, if that is not all of it: what it shares with a model that is more probable, by odds that tell models apart.
+/// What a state needs, if that is not all of it: what it shares with a model that is more probable, by odds that tell
+/// models apart.
 fn needed(search: &Search, state: &[&'static str]) -> Option<Key> {
     let weighed = weigh(search, &[]);
     let own = weighed.models.iter().find(|m| m.met.key == state)?;

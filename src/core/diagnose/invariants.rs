@@ -1,5 +1,5 @@
-//! What holds of a diagnosis whatever the records: the order in which things are given changes no answer, and nothing is claimed over a rival that is
-//! not at its optimum.
+//! What holds of a diagnosis whatever the records: the order in which things are given changes no answer, and nothing
+//! is claimed over a rival that is not at its optimum.
 
 use crate::diagnose::search::tests::{copper, run, searched};
 use crate::diagnose::{Diagnosis, Verdict, diagnose};

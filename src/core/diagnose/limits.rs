@@ -5,10 +5,12 @@
 //! - *derived*: it follows from the definition or from numbers named there;
 //! - *literature*: a published value;
 //! - *cost*: it bounds work and changes no answer where it is large enough;
-//! - *tuned*: chosen by trial. The data are named where they are known; "data unknown" means that no record of them is left.
+//! - *tuned*: chosen by trial. The data are named where they are known; "data unknown" means that no record of them is
+//!   left.
 //!
-//! "Error over noise" is the residual of each sensor in units of its own noise, rms over all samples. A "square" is the sum
-//! of these over all samples, squared. "Evidence" is a natural logarithm of odds over the start model, before tempering.
+//! "Error over noise" is the residual of each sensor in units of its own noise, rms over all samples. A "square" is the
+//! sum of these over all samples, squared. "Evidence" is a natural logarithm of odds over the start model, before
+//! tempering.
 
 use crate::fit::numeric::least_squares::Limits;
 
@@ -26,8 +28,8 @@ pub(crate) const UNSEEN_COLUMN: f64 = 0.1;
 pub(crate) const FLOOR_SAMPLES: usize = 500;
 /// Independent features of a half cycle: front, plateau, return. Derived from the shape of a half cycle.
 pub(crate) const FEATURES_PER_HALF_CYCLE: f64 = 3.0;
-/// Half cycles of a run in which the error of a model tells something new: later ones repeat it. Chosen after a cavity that was taken for gas, with
-/// certainty, where both left 25 times the noise in dozens of cycles.
+/// Half cycles of a run in which the error of a model tells something new: later ones repeat it. Chosen after a cavity
+/// that was taken for gas, with certainty, where both left 25 times the noise in dozens of cycles.
 pub(crate) const TELLING_HALF_CYCLES: usize = 8;
 
 // ---- Candidates and their refits -----------------------------------------------------------------------------------
@@ -56,15 +58,16 @@ pub(crate) const REFINED_EFFECTS: usize = 6;
 
 /// Most candidates that each stage fits to all samples on the fine grid. Cost, and tuned: data unknown.
 pub(crate) const FULL_FITS: usize = 3;
-/// Finest grid of a fit with cavities, in reaches, except near the noise: the spikes of their collapse belong to the grid. Literature: Bergant,
-/// Simpson & Tijsseling (2006) for the fact; the number is tuned: data unknown.
+/// Finest grid of a fit with cavities, in reaches, except near the noise: the spikes of their collapse belong to the
+/// grid. Literature: Bergant, Simpson & Tijsseling (2006) for the fact; the number is tuned: data unknown.
 pub(crate) const MOST_REACHES_WITH_CAVITIES: usize = 128;
 /// A candidate that leaves this many times the best candidate's square gets no full fit. Cost, and tuned: data unknown.
 pub(crate) const NO_FULL_FIT_ABOVE: f64 = 4.0;
-/// A candidate that leaves less than this many times the best candidate's square is fitted until it converges. Cost, and
-/// tuned: data unknown.
+/// A candidate that leaves less than this many times the best candidate's square is fitted until it converges. Cost,
+/// and tuned: data unknown.
 pub(crate) const CONVERGE_BELOW: f64 = 1.2;
-/// Error over noise below which a forecast is accurate: an effect that it does not promise will not appear. Tuned: data unknown.
+/// Error over noise below which a forecast is accurate: an effect that it does not promise will not appear. Tuned: data
+/// unknown.
 pub(crate) const QUIET: f64 = 1.2;
 /// Error over noise of a model above which its parameters may be wrong. Tuned: data unknown.
 pub(crate) const START_DOUBTFUL: f64 = 3.0;
@@ -74,10 +77,11 @@ pub(crate) const MOST_MISSING: usize = 2;
 
 // ---- Evidence ------------------------------------------------------------------------------------------------------
 
-/// Divides the evidence before it becomes odds, as models err in ways that the noise does not know of. Tuned: data unknown.
+/// Divides the evidence before it becomes odds, as models err in ways that the noise does not know of. Tuned: data
+/// unknown.
 pub(crate) const TEMPERATURE: f64 = 4.0;
-/// Odds, before any data, that nothing is missing against any one effect. Derived: nothing is as probable as that one of
-/// the sixteen effects of the catalogue is missing.
+/// Odds, before any data, that nothing is missing against any one effect. Derived: nothing is as probable as that one
+/// of the sixteen effects of the catalogue is missing.
 pub(crate) const PRIOR_ODDS_OF_NOTHING: f64 = 16.0;
 /// Least evidence for an effect to be worth having: the largest of sixteen searches by chance stays below. Derived in
 /// principle; no calculation of the number is left.
@@ -85,22 +89,25 @@ pub(crate) const LEAST_EVIDENCE: f64 = 12.0;
 /// Least that an effect must take away of the error over noise, in quadrature: less is not worth a model. Tuned: data
 /// unknown.
 pub(crate) const LEAST_FALL: f64 = 0.25;
-/// Share of the surge's height by which solvers differ that are both right: an effect that takes away less stands in for such a difference.
-/// Chosen: models with the true effect leave 0.02 to 0.1% of three in four recordings that the scheme of `tools/hidden` makes.
+/// Share of the surge's height by which solvers differ that are both right: an effect that takes away less stands in
+/// for such a difference. Chosen: models with the true effect leave 0.02 to 0.1% of three in four recordings that the
+/// scheme of `tools/hidden` makes.
 pub(crate) const MODEL_ERROR: f64 = 7e-4;
-/// Share of the error that an effect takes away by which two right models of that effect differ: a further effect that takes less makes up for
-/// such a difference. Chosen: a swinging valve of `tools/hidden` and ours differ by nearly as much.
+/// Share of the error that an effect takes away by which two right models of that effect differ: a further effect that
+/// takes less makes up for such a difference. Chosen: a swinging valve of `tools/hidden` and ours differ by nearly as
+/// much.
 pub(crate) const ERROR_OF_EFFECT: f64 = 0.02;
-/// Share of [`LEAST_FALL`]'s square that a refit must forecast for a fit to all samples. Cost: forecasts of the fall were right to a factor of
-/// three on all recordings of the open sets.
+/// Share of [`LEAST_FALL`]'s square that a refit must forecast for a fit to all samples. Cost: forecasts of the fall
+/// were right to a factor of three on all recordings of the open sets.
 pub(crate) const LEAST_FORECAST: f64 = 0.2;
-/// Share of an effect's odds that is left where one of its own parameters ends at a bound: the records ask for what lies beyond, such as a leak at the
-/// valve, and another effect may be just that. Derived: of a pipe, 4% lie beyond the bounds of a place.
+/// Share of an effect's odds that is left where one of its own parameters ends at a bound: the records ask for what
+/// lies beyond, such as a leak at the valve, and another effect may be just that. Derived: of a pipe, 4% lie beyond the
+/// bounds of a place.
 pub(crate) const ODDS_AT_BOUND: f64 = 0.04;
 /// Evidence that an effect has at most if it is not worth a model. Tuned: data unknown.
 pub const NEGLIGIBLE_EVIDENCE: f64 = -16.0;
-/// Difference of tempered evidence within which two models cannot be told apart, by the records or by a test: a Bayes factor of twenty. Literature:
-/// Kass & Raftery (1995), "strong".
+/// Difference of tempered evidence within which two models cannot be told apart, by the records or by a test: a Bayes
+/// factor of twenty. Literature: Kass & Raftery (1995), "strong".
 pub(crate) const INDISTINGUISHABLE: f64 = 3.0;
 
 // ---- Verdict -------------------------------------------------------------------------------------------------------
@@ -112,13 +119,14 @@ pub(crate) const NOISE_LIKE: f64 = 1.3;
 pub(crate) const UNEXPLAINED_SHARE: f64 = 0.35;
 /// See [`UNEXPLAINED_SHARE`]: error over noise. Tuned: data unknown.
 pub(crate) const UNEXPLAINED_OVER_NOISE: f64 = 2.5;
-/// How fast the probability of something outside the catalogue rises with the logarithm of the error around [`NOISE_LIKE`],
-/// if no effect explains any of it. Tuned on recordings of `tools/hidden` of one seed; `tools/reliability.py` counts it on
-/// other seeds.
+/// How fast the probability of something outside the catalogue rises with the logarithm of the error around
+/// [`NOISE_LIKE`], if no effect explains any of it. Tuned on recordings of `tools/hidden` of one seed;
+/// `tools/reliability.py` counts it on other seeds.
 pub(crate) const STEEPNESS_UNEXPLAINED: f64 = 20.0;
 /// The same around [`UNEXPLAINED_OVER_NOISE`], if an effect explains some of it. Tuned on the same recordings.
 pub(crate) const STEEPNESS: f64 = 4.0;
-/// A model whose error of prediction is this many times the start model's has learned nothing of use. Tuned: data unknown.
+/// A model whose error of prediction is this many times the start model's has learned nothing of use. Tuned: data
+/// unknown.
 pub(crate) const WORSE_PREDICTION: f64 = 1.05;
 /// Wave speeds within this factor of the greatest that the rig file allows are as fast. Chosen.
 pub(crate) const AS_FAST: f64 = 1.005;

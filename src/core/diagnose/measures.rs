@@ -17,7 +17,8 @@ pub(crate) fn over_noise(fit: &Fit, runs: &[RunData]) -> f64 {
     over_samples(fit, runs, |fitted, data| (fitted.rmse_m / data.total_noise_m).powi(2)).sqrt()
 }
 
-/// The square of the error over noise of a fit beyond what every model of a closure leaves: noise, and what oscillates in the pipe before the closure.
+/// The square of the error over noise of a fit beyond what every model of a closure leaves: noise, and what oscillates
+/// in the pipe before the closure.
 pub(crate) fn beyond(fit: &Fit, runs: &[RunData]) -> f64 {
     over_samples(fit, runs, |fitted, data| {
         (fitted.rmse_m.powi(2) - data.oscillation_m.powi(2)) / data.total_noise_m.powi(2) - 1.0
@@ -37,12 +38,14 @@ fn over_samples(fit: &Fit, runs: &[RunData], of: impl Fn(&SensorFit, &SensorData
     sum / f64::max(n, 1.0)
 }
 
-/// By how much the square of the error over noise falls from a sum of squares to another, both over the samples of a start model.
+/// By how much the square of the error over noise falls from a sum of squares to another, both over the samples of a
+/// start model.
 pub(crate) fn fall(start: &Fit, runs: &[RunData], from: f64, to: f64) -> f64 {
     over_noise(start, runs).powi(2) * (from - to) / square(start)
 }
 
-/// The least fall of the squared error over noise that is worth a model: more than noise does, and more than solvers differ by.
+/// The least fall of the squared error over noise that is worth a model: more than noise does, and more than solvers
+/// differ by.
 pub(crate) fn least_fall(runs: &[RunData]) -> f64 {
     let (mut square, mut n) = (0.0, 0.0);
     for sensor in runs.iter().flat_map(|run| &run.sensors) {
@@ -54,7 +57,8 @@ pub(crate) fn least_fall(runs: &[RunData]) -> f64 {
     (square / f64::max(n, 1.0)).max(LEAST_FALL.powi(2))
 }
 
-/// What two right models of effects differ by, of the squared error over noise, where these effects have `taken` so much of it.
+/// What two right models of effects differ by, of the squared error over noise, where these effects have `taken` so
+/// much of it.
 pub(crate) fn error_of_effects(taken: f64) -> f64 {
     ERROR_OF_EFFECT.powi(2) * taken.max(0.0)
 }

@@ -1,4 +1,5 @@
-//! A model that the search has met: what it adds to the start model, how well it is fitted, and where a fit of it may begin.
+//! A model that the search has met: what it adds to the start model, how well it is fitted, and where a fit of it may
+//! begin.
 
 use crate::diagnose::measures::{square, square_at_optimum};
 use crate::fit::inference::thresholds::OPTIMUM_REDUCTION;

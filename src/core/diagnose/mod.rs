@@ -1,9 +1,11 @@
 //! Diagnosis: where a model fails, and which effect of the catalogue is missing from it.
 //!
 //! 1. The start model is fitted ([`start`]).
-//! 2. [`search`] meets models with one further effect, or two, the most promising first, and fits them with one [`fitter`].
-//! 3. [`mod@weigh`] turns what each of them leaves into [`evidence`] and probabilities, and [`verdict`] into the answer. Effects that the data
-//!    cannot tell apart are named together, with the test that would tell them apart ([`next`]).
+//! 2. [`search`] meets models with one further effect, or two, the most promising first, and fits them with one
+//!    [`fitter`].
+//! 3. [`mod@weigh`] turns what each of them leaves into [`evidence`] and probabilities, and [`verdict`] into the
+//!    answer. Effects that the data cannot tell apart are named together, with the test that would tell them apart
+//!    ([`next`]).
 //!
 //! [`limits`] holds every threshold.
 
@@ -71,8 +73,8 @@ pub fn diagnose(
     Growing::of(start, effects, options).diagnosed(rig, runs, progress)
 }
 
-/// The same from a start model that is fitted already, with `options`; `effects` are its effects, which may leave a number of
-/// elements open.
+/// The same from a start model that is fitted already, with `options`; `effects` are its effects, which may leave a
+/// number of elements open.
 ///
 /// # Errors
 /// As [`diagnose`].
@@ -87,7 +89,8 @@ pub fn diagnose_fit(
     Growing::of(Start::of(start), effects, options).diagnosed(rig, runs, progress)
 }
 
-/// Adds one effect to a fitted start model and fits the result to all samples. Returns the fit and the evidence for the effect.
+/// Adds one effect to a fitted start model and fits the result to all samples. Returns the fit and the evidence for the
+/// effect.
 ///
 /// # Errors
 /// As [`calibrate`]; also if no start of the effect can be simulated.

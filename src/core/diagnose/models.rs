@@ -51,7 +51,8 @@ impl<'a> Search<'a> {
         self.get(state).and_then(|m| m.fit.as_ref()).unwrap_or(self.start)
     }
 
-    /// Keeps a fit where it leaves less than what is known of its model. A model that is at its end gives way to another end alone, on the same grid.
+    /// Keeps a fit where it leaves less than what is known of its model. A model that is at its end gives way to
+    /// another end alone, on the same grid.
     pub(crate) fn take(&mut self, fit: Fit) {
         let key = self.key(&fit.effects);
         if key.is_empty() {

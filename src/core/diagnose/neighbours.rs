@@ -1,4 +1,5 @@
-//! The neighbours of a state of the search: forecast on the coarse grid, or looked for from the signals, and fitted to all samples.
+//! The neighbours of a state of the search: forecast on the coarse grid, or looked for from the signals, and fitted to
+//! all samples.
 
 use rayon::prelude::*;
 
@@ -14,8 +15,8 @@ use crate::fit::outcome::fit::Fit;
 use crate::model::effects::{Chosen, SHOWN};
 
 impl Search<'_> {
-    /// Forecasts what each effect would leave beside a fitted model, or in the place of its effect `gone`. Returns the models that may be better than
-    /// what is known of them.
+    /// Forecasts what each effect would leave beside a fitted model, or in the place of its effect `gone`. Returns the
+    /// models that may be better than what is known of them.
     pub(crate) fn expand(&mut self, fit: &Fit, gone: Option<usize>) -> Vec<usize> {
         let fitter = &self.fitter;
         let baseline = match gone {
@@ -28,7 +29,8 @@ impl Search<'_> {
         let Some(closest) = found.iter().min_by(|a, b| a.square.total_cmp(&b.square)) else { return Vec::new() };
         let scale = EvidenceScale::of(&closest.residuals[..baseline.samples], baseline.features());
         let best = best_forms(&found, |r| scale.evidence(baseline.square, r.square, r.added));
-        // what the fit leaves is known of the fit itself: of the model as it is, or with the effect that is gone put back
+        // what the fit leaves is known of the fit itself: of the model as it is, or with the effect that is gone put
+        // back
         let own = gone.map(|i| base_name(fit.effects[i].effect.name()));
         let reference = match own {
             None => Some(baseline.mean_square(&baseline.residuals)),
@@ -63,7 +65,8 @@ impl Search<'_> {
         Some(place)
     }
 
-    /// Fits those of some models whose forecasts, of one origin, promise most: more than a model that leaves the square `known`.
+    /// Fits those of some models whose forecasts, of one origin, promise most: more than a model that leaves the square
+    /// `known`.
     pub(crate) fn fit_leading(&mut self, which: &[usize], known: f64) {
         let mut order: Vec<(usize, &Forecast)> =
             which.iter().filter_map(|&i| Some((i, self.met[i].forecast.as_ref()?))).collect();
@@ -160,7 +163,8 @@ impl Search<'_> {
         self.fit_forecasts(&which);
     }
 
-    /// More elements of a start model's effect whose number is fixed: an effect that makes up for missing ones would be named in their place.
+    /// More elements of a start model's effect whose number is fixed: an effect that makes up for missing ones would be
+    /// named in their place.
     pub(crate) fn more_elements(&mut self) {
         let fitter = &self.fitter;
         let fixed = fitter.asked.iter().position(|c| c.elements.is_some());

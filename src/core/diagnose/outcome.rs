@@ -138,7 +138,8 @@ impl Diagnosis {
         found.filter(|_| self.verdict == Verdict::MissingEffect)
     }
 
-    /// The probability that no effect of the catalogue is missing. One that is missing in a pair may also be missing alone.
+    /// The probability that no effect of the catalogue is missing. One that is missing in a pair may also be missing
+    /// alone.
     pub fn none_of_these(&self) -> f64 {
         let rivals = self.rival_pairs.iter().map(|pair| pair.probability).sum::<f64>();
         let in_pair = self.pair.as_ref().map_or(0.0, |pair| pair.probability) + rivals;

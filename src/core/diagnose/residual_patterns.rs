@@ -133,8 +133,8 @@ fn mean(values: &[f64]) -> Option<f64> {
     (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }
 
-/// How late the model is, s: a cycle, or else throughout, where that stands out from the scatter of the extrema. On a plateau at the mean
-/// level, where no front leads to an extremum, the phases are noise.
+/// How late the model is, s: a cycle, or else throughout, where that stands out from the scatter of the extrema. On a
+/// plateau at the mean level, where no front leads to an extremum, the phases are noise.
 fn lateness(extrema: &[ExtremumError]) -> Option<(f64, &'static str)> {
     let at = |e: &ExtremumError| e.cycle as f64 + if e.peak { 0.0 } else { 0.5 };
     let points: Vec<(f64, f64)> =

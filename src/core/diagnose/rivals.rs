@@ -24,7 +24,8 @@ pub(crate) enum Comparison {
 }
 
 impl Search<'_> {
-    /// The next comparison: of the best model, then of its rivals within reach. None where all that may be claimed is at its optimum.
+    /// The next comparison: of the best model, then of its rivals within reach. None where all that may be claimed is
+    /// at its optimum.
     pub(crate) fn comparison(&self) -> Option<Comparison> {
         let weighed = weigh(self, &[]);
         let place = |met: &Met| self.met.iter().position(|m| m.key == met.key).unwrap_or_default();
@@ -67,8 +68,8 @@ impl Search<'_> {
         }
     }
 
-    /// Leads models on to their optima. Elements of creep whose number is open grow, those of the start model only where room is left: a further effect
-    /// would make up for missing ones.
+    /// Leads models on to their optima. Elements of creep whose number is open grow, those of the start model only
+    /// where room is left: a further effect would make up for missing ones.
     pub(crate) fn settle(&mut self, which: &[usize]) {
         let this = &*self;
         let ends: Vec<(usize, Option<Fit>)> = which
@@ -95,8 +96,8 @@ impl Search<'_> {
         })
     }
 
-    /// Tries the other effects in the place of each one that the best model adds: beside the rest as it stands now they may be far better than they
-    /// were beside the start model, where one may have imitated another.
+    /// Tries the other effects in the place of each one that the best model adds: beside the rest as it stands now they
+    /// may be far better than they were beside the start model, where one may have imitated another.
     fn look_around(&mut self, best: usize) {
         let Some(winner) = self.met[best].fit.clone() else { return };
         self.met[best].looked_around = Some(square(&winner));
@@ -124,8 +125,8 @@ impl Search<'_> {
         fits.into_iter().for_each(|fit| self.take(fit));
     }
 
-    /// The model without each of its added effects, from where the rest stands: beside the other one an effect may have got where it explains the
-    /// records alone.
+    /// The model without each of its added effects, from where the rest stands: beside the other one an effect may have
+    /// got where it explains the records alone.
     fn without_one(&mut self, winner: &Fit) {
         let added = self.added(&winner.effects);
         if added.len() < 2 {
@@ -163,7 +164,8 @@ mod tests {
     use crate::fit::search::options::Options;
     use crate::model::effects::parse_list;
 
-    /// A leak that was driven to the valve imitates a valve that does not close. That one has no fit of its own, and is found all the same.
+    /// A leak that was driven to the valve imitates a valve that does not close. That one has no fit of its own, and is
+    /// found all the same.
     #[test]
     fn a_leak_at_the_valve_meets_the_leaking_seat() {
         let rig = copper();
@@ -186,7 +188,8 @@ mod tests {
         });
     }
 
-    /// Near the noise a fit with gas, whose grid was kept coarse, goes on to a finer one, though it has converged; one without cavities has had it.
+    /// Near the noise a fit with gas, whose grid was kept coarse, goes on to a finer one, though it has converged; one
+    /// without cavities has had it.
     #[test]
     fn gas_meets_its_rivals_on_a_fine_grid() {
         let rig = copper();

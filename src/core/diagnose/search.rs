@@ -1,9 +1,10 @@
 //! The search: models with more effects than the start model, the most promising first.
 //!
-//! A state is a set of effects that the start model lacks. The search is one loop. It grows models: the projected residual on the coarse grid forecasts
-//! what each further effect would leave ([`screening`](crate::diagnose::screening)), and those that may win are fitted from there, later also from the
-//! signals. And it compares the best model with its rivals ([`rivals`](crate::diagnose::rivals)), by exchanging effects and leaving them out, until all
-//! that may be claimed is at its optimum. It ends where neither is left to do.
+//! A state is a set of effects that the start model lacks. The search is one loop. It grows models: the projected
+//! residual on the coarse grid forecasts what each further effect would leave
+//! ([`screening`](crate::diagnose::screening)), and those that may win are fitted from there, later also from the
+//! signals. And it compares the best model with its rivals ([`rivals`](crate::diagnose::rivals)), by exchanging effects
+//! and leaving them out, until all that may be claimed is at its optimum. It ends where neither is left to do.
 
 use crate::diagnose::evidence::tempered;
 use crate::diagnose::limits::{INDISTINGUISHABLE, QUIET, START_DOUBTFUL};
@@ -14,8 +15,8 @@ use crate::diagnose::weigh::{WeighedModel, weigh};
 use crate::fit::outcome::fit::Fit;
 
 impl Search<'_> {
-    /// Looks for models with as many effects more as `most` than those of a `state`, which is grown whatever it leaves. Models near the noise are
-    /// compared as soon as they are met, others at the end.
+    /// Looks for models with as many effects more as `most` than those of a `state`, which is grown whatever it leaves.
+    /// Models near the noise are compared as soon as they are met, others at the end.
     pub(crate) fn run(&mut self, state: &Key, most: usize) {
         loop {
             let step = self.next(state, state.len() + most);
@@ -43,9 +44,10 @@ impl Search<'_> {
         self.get(state).and_then(|m| m.fit.as_ref()).unwrap_or(self.from)
     }
 
-    /// The next step: small models before big ones, cheap starts before dear ones. The search goes on from the best model of each size, and from those
-    /// that the records cannot tell from it, where they are better than the start model. One that a record shows by itself leaves no second effect, for no
-    /// model follows the collapse of cavities well.
+    /// The next step: small models before big ones, cheap starts before dear ones. The search goes on from the best
+    /// model of each size, and from those that the records cannot tell from it, where they are better than the start
+    /// model. One that a record shows by itself leaves no second effect, for no model follows the collapse of cavities
+    /// well.
     fn next(&self, state: &Key, most: usize) -> Option<(Key, Starts)> {
         let weighed = weigh(self, &Key::new());
         let of_size = |size| weighed.models.iter().filter(move |m| m.added.len() == size && m.met.fit.is_some());
@@ -80,7 +82,8 @@ impl Search<'_> {
         beyond(fit, self.fitter.runs) >= self.least_fall_after(self.taken(fit))
     }
 
-    /// Whether a model of at most that size leaves so little that forecasts are accurate: what they do not promise will not appear.
+    /// Whether a model of at most that size leaves so little that forecasts are accurate: what they do not promise will
+    /// not appear.
     pub(crate) fn is_quiet(&self, size: usize) -> bool {
         let fits = self.met.iter().filter(|m| m.key.len() <= size).filter_map(|m| m.fit.as_ref());
         fits.chain([self.start]).any(|fit| over_noise(fit, self.fitter.runs) < QUIET)
@@ -152,7 +155,8 @@ pub(crate) mod tests {
         RunValues { initial_velocity_m_s, valve_head_m: 40.0, closing_time_s: 0.05, friction_scale: 1.0 }
     }
 
-    /// In a pipe that creeps a change of section imitates a short branch, whose forecast cannot leave the place where the creep has made up for it.
+    /// In a pipe that creeps a change of section imitates a short branch, whose forecast cannot leave the place where
+    /// the creep has made up for it.
     #[test]
     fn a_short_branch_is_found_where_a_change_of_section_imitates_it() {
         let (rig, record) = short_branch();

@@ -1,9 +1,12 @@
-//! The start model of a diagnosis: fitted to the records, and where it cannot follow them, a second time for the search.
+//! The start model of a diagnosis: fitted to the records, and where it cannot follow them, a second time for the
+//! search.
 //!
-//! A model that lacks an effect leaves errors that are no noise. Weighed as noise, they outvote everything that the instruments know: velocity, head and
-//! places go wherever they make up for the missing effect, and no candidate finds back from there. So a model that cannot follow the records
-//! is fitted again with weights that say so: the error of a sample is what the model leaves, and samples whose errors are alike count once. The search
-//! for what is missing begins at this second fit. What an effect explains is counted from the first, the best that the model does without it.
+//! A model that lacks an effect leaves errors that are no noise. Weighed as noise, they outvote everything that the
+//! instruments know: velocity, head and places go wherever they make up for the missing effect, and no candidate finds
+//! back from there. So a model that cannot follow the records is fitted again with weights that say so: the error of a
+//! sample is what the model leaves, and samples whose errors are alike count once. The search for what is missing
+//! begins at this second fit. What an effect explains is counted from the first, the best that the model does without
+//! it.
 
 use crate::diagnose::circumstances::features;
 use crate::diagnose::limits::START_DOUBTFUL;

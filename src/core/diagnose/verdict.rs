@@ -6,8 +6,8 @@ use crate::diagnose::limits::{
 use crate::diagnose::outcome::{Candidate, Pair, Verdict};
 
 /// The verdict, and the probability that something outside the catalogue is missing. `start` is the start model's error
-/// over noise; `candidates` come most probable first; a `pair` is the answer instead of the first. A record that shows the first
-/// one by itself (`shown`) has it, whatever it leaves unexplained.
+/// over noise; `candidates` come most probable first; a `pair` is the answer instead of the first. A record that shows
+/// the first one by itself (`shown`) has it, whatever it leaves unexplained.
 pub(crate) fn verdict(start: f64, candidates: &[Candidate], pair: Option<&Pair>, shown: bool) -> (Verdict, f64) {
     // Alone, an effect of a pair may explain nothing.
     let Some(best) = candidates.first().filter(|c| pair.is_some() || c.evidence >= LEAST_EVIDENCE) else {

@@ -1,7 +1,8 @@
-//! Reasons to doubt a diagnosis: what was asked cannot be, or the model on which the verdict rests contradicts what is known.
+//! Reasons to doubt a diagnosis: what was asked cannot be, or the model on which the verdict rests contradicts what is
+//! known.
 //!
-//! A model that lacks an effect bends what it has to make up for it. Where that effect was found, the bends of the model without it speak for the
-//! answer, not against it: only what is left of them with the effect is a doubt.
+//! A model that lacks an effect bends what it has to make up for it. Where that effect was found, the bends of the
+//! model without it speak for the answer, not against it: only what is left of them with the effect is a doubt.
 
 use crate::diagnose::limits::NOT_FITTED;
 use crate::diagnose::outcome::Diagnosis;
@@ -44,7 +45,8 @@ pub(crate) fn warnings(rig: &Rig, runs: &[RunData], diagnosis: &Diagnosis, effec
     warnings
 }
 
-/// The noise may be reached with a velocity that contradicts the meter, or with a level that no gauge has: it is then the wrong scale that fits.
+/// The noise may be reached with a velocity that contradicts the meter, or with a level that no gauge has: it is then
+/// the wrong scale that fits.
 fn of_answer(answer: &Fit, runs: &[RunData]) -> Vec<String> {
     of_fit(answer, runs).into_iter().chain(at_bounds(answer)).collect()
 }

@@ -1,4 +1,5 @@
-//! What the records say of every model that the search has met: its evidence over the start model, and its share of the probability.
+//! What the records say of every model that the search has met: its evidence over the start model, and its share of the
+//! probability.
 
 use crate::diagnose::candidate::base_name;
 use crate::diagnose::evidence::{EvidenceScale, probabilities, tempered};
@@ -41,7 +42,8 @@ pub(crate) struct WeighedModel<'s> {
     pub(crate) evidence: f64,
     /// Odds before any fit.
     pub(crate) odds: f64,
-    /// Odds, as a logarithm, that it may come to have at its optimum, if its values turn out to be noteworthy and within their bounds.
+    /// Odds, as a logarithm, that it may come to have at its optimum, if its values turn out to be noteworthy and
+    /// within their bounds.
     pub(crate) promised_log_odds: f64,
     /// Its share of the probability.
     pub(crate) share: f64,
@@ -66,7 +68,8 @@ impl WeighedModel<'_> {
     }
 }
 
-/// Weighs all models that a search has met and that have the effects of a `state` and more, over the model of that state.
+/// Weighs all models that a search has met and that have the effects of a `state` and more, over the model of that
+/// state.
 pub(crate) fn weigh<'s>(search: &'s Search, state: &[&'static str]) -> Weighed<'s> {
     let (baseline, start, runs) = (search.baseline, search.fit_of(state), search.fitter.runs);
     let bigger = || search.met.iter().filter(|m| m.key.len() > state.len() && has_all(&m.key, state));
@@ -74,7 +77,8 @@ pub(crate) fn weigh<'s>(search: &'s Search, state: &[&'static str]) -> Weighed<'
     let closest = fits.min_by(|a, b| square(a).total_cmp(&square(b))).unwrap_or(start);
     let scale = evidence_scale(closest, baseline.features());
     let mut models: Vec<WeighedModel> = bigger().filter_map(|met| described(search, state, met)).collect();
-    // Instruments within their class are at work on every rig: an effect is claimed only over the best model that they allow.
+    // Instruments within their class are at work on every rig: an effect is claimed only over the best model that they
+    // allow.
     let within_class = models.iter().filter(|m| m.added.len() == 1 && !m.is_noteworthy && m.met.fit.is_some());
     let allowed = within_class.map(|m| m.met.square()).fold(square(start), f64::min);
     let of_start = free(&baseline.model(&start.effects));
@@ -120,8 +124,9 @@ fn is_shown(search: &Search, model: &WeighedModel) -> bool {
     model.added.iter().any(|c| c.effect.odds(&search.baseline.known) >= SHOWN)
 }
 
-/// Odds of a model before any fit. Those in favour of an effect do not make up for a fit without evidence. If a record shows the effect by itself, any
-/// improvement will do. Each effect after the first has the same against it as the first has against nothing.
+/// Odds of a model before any fit. Those in favour of an effect do not make up for a fit without evidence. If a record
+/// shows the effect by itself, any improvement will do. Each effect after the first has the same against it as the
+/// first has against nothing.
 fn prior(search: &Search, model: &WeighedModel, evidence: f64) -> f64 {
     let odds: f64 = model.added.iter().map(|c| c.effect.odds(&search.baseline.known)).product();
     let least = if is_shown(search, model) { 0.0 } else { LEAST_EVIDENCE };

@@ -13,8 +13,9 @@
 //! | [`posterior`] | joint posteriors, and where they are needed |
 //! | [`validate`] | whether a fitted model holds |
 //!
-//! The thresholds of a floor stand in its file `thresholds`, with their origin: *derived*; a reference to the literature; *tuned*, where trials
-//! on data led to the value (what data, the history does not tell); *chosen*, a round value set by hand.
+//! The thresholds of a floor stand in its file `thresholds`, with their origin: *derived*; a reference to the
+//! literature; *tuned*, where trials on data led to the value (what data, the history does not tell); *chosen*, a round
+//! value set by hand.
 
 pub mod data;
 pub mod inference;

@@ -55,7 +55,8 @@ pub enum Closure {
         /// Closing time, s.
         closing_time_s: f64,
     },
-    /// The flow itself falls along a cycloid, `Q = Q0 (1 - t/Tc + sin(2π t/Tc)/2π)`: the closure of the exact solutions.
+    /// The flow itself falls along a cycloid, `Q = Q0 (1 - t/Tc + sin(2π t/Tc)/2π)`: the closure of the exact
+    /// solutions.
     FlowCycloid {
         /// Closing time, s.
         closing_time_s: f64,

@@ -11,9 +11,9 @@ pub struct Implicit {
 
 /// A term of the equations along the line, computed once per step for all nodes.
 ///
-/// In the notation of [`kernel`](crate::model::kernel): half of what the term takes over one reach and one step is `κh - b` of head (storage)
-/// and `μu - d` (momentum) at the new time; `κ, μ` are constants of the segment, `b, d` known before the step. Heads are deviations
-/// `h` from the steady state, in which `b` and, with `μ`, `d` must balance.
+/// In the notation of [`kernel`](crate::model::kernel): half of what the term takes over one reach and one step is
+/// `κh - b` of head (storage) and `μu - d` (momentum) at the new time; `κ, μ` are constants of the segment, `b, d`
+/// known before the step. Heads are deviations `h` from the steady state, in which `b` and, with `μ`, `d` must balance.
 pub trait LineTerm: Send {
     /// Whether it adds to storage alone: no `μ`, no `d`, and it asks for no flows.
     fn is_storage_alone(&self) -> bool {

@@ -245,8 +245,8 @@ fn first_sensor(rig: &Rig) -> Option<String> {
 /// Refuses effects at sensors, on pipes, at valves or at a supply that a rig does not have.
 ///
 /// # Errors
-/// [`ModelError::UnknownSensor`], [`ModelError::UnknownPipe`], [`ModelError::UnknownValve`], [`ModelError::WhichValve`] or
-/// [`ModelError::NoReservoir`] for the first of them.
+/// [`ModelError::UnknownSensor`], [`ModelError::UnknownPipe`], [`ModelError::UnknownValve`], [`ModelError::WhichValve`]
+/// or [`ModelError::NoReservoir`] for the first of them.
 pub fn check_places(rig: &Rig, effects: &[Chosen]) -> Result<(), ModelError> {
     let pipes: Vec<&str> = match rig.graph.lines.len() {
         1 => Vec::new(),

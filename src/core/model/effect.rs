@@ -12,7 +12,8 @@ use crate::model::steady::Steady;
 use crate::model::trace::Trace;
 use crate::rig::Rig;
 
-/// Prior odds of an effect that a record shows by itself: the chance that something else looks like it is one in so many.
+/// Prior odds of an effect that a record shows by itself: the chance that something else looks like it is one in so
+/// many.
 pub const SHOWN: f64 = 1e4;
 
 /// Evidence for or against an effect that is known before any fit.
@@ -77,7 +78,8 @@ pub trait Effect: Sync {
     fn at_sensor(&self) -> bool {
         false
     }
-    /// Whether it may be anywhere along a pipe, which may be named in a network (`name@branch`): it proposes starts over the whole of it.
+    /// Whether it may be anywhere along a pipe, which may be named in a network (`name@branch`): it proposes starts
+    /// over the whole of it.
     fn on_pipe(&self) -> bool {
         false
     }
@@ -116,12 +118,14 @@ pub trait Effect: Sync {
         let _ = (values, known);
         true
     }
-    /// The effect that it stands in for with these values, where it is a way to compute that one rather than physics of its own.
+    /// The effect that it stands in for with these values, where it is a way to compute that one rather than physics of
+    /// its own.
     fn stands_for(&self, values: &[f64]) -> Option<&'static str> {
         let _ = values;
         None
     }
-    /// What a lab can do to be rid of it, in words, where it can be put right: it stands at a `place`, or concerns a `sensor`.
+    /// What a lab can do to be rid of it, in words, where it can be put right: it stands at a `place`, or concerns a
+    /// `sensor`.
     fn remedy(&self, place: Option<&str>, sensor: Option<&str>) -> Option<String> {
         let _ = (place, sensor);
         None

@@ -1,6 +1,7 @@
 //! The two ends of a segment: the characteristic that arrives from inside, and the wave that goes back.
 //!
-//! What stays the same from step to step is computed once: a line with elements along it has many ends, and short segments between them.
+//! What stays the same from step to step is computed once: a line with elements along it has many ends, and short
+//! segments between them.
 
 use crate::model::contribution::Implicit;
 use crate::model::friction::ReachFriction;

@@ -5,10 +5,10 @@
 //! outflow `q` takes `ρg h q` with it. The work of the slope of `H0` on the flow counts as the supply's: before the
 //! closure it is just what friction takes, and everything else is zero.
 //!
-//! The scheme has an exact balance. A wave `F` carries the power `ρg F²/(4B)`, so the reach from node `i` to `i+1` holds
-//! `ρg dt/(4B) (fwdᵢ² + bwdᵢ₊₁²)`: its kinetic and elastic energy when the two waves meet in its middle, half a step after the
-//! nodes' time. To one side of a node arrives `Cp = X + Y` and leaves `bwd = (2h - X) - (2u - Y)`, where `X = h + s`, `Y = u + f`
-//! (`s`: half of what storage takes over the reach, `f`: the same for momentum), so that
+//! The scheme has an exact balance. A wave `F` carries the power `ρg F²/(4B)`, so the reach from node `i` to `i+1`
+//! holds `ρg dt/(4B) (fwdᵢ² + bwdᵢ₊₁²)`: its kinetic and elastic energy when the two waves meet in its middle, half a
+//! step after the nodes' time. To one side of a node arrives `Cp = X + Y` and leaves `bwd = (2h - X) - (2u - Y)`, where
+//! `X = h + s`, `Y = u + f` (`s`: half of what storage takes over the reach, `f`: the same for momentum), so that
 //!
 //! ```text
 //! Cp² - bwd² = 4 (h u + u f + s (h + f))      from upstream; from downstream with -u, -f

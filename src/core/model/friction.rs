@@ -122,7 +122,8 @@ impl NodeFriction for Quadratic {
     fn phi(&self, u: f64) -> f64 {
         self.k * u.abs()
     }
-    /// Expansion of `2d / (1 + √(1 + 4z))`, `z = k|d|`: `1 - z + 2z² - 5z³ + 14z⁴`, in pairs, which wait for each other less than one after the other.
+    /// Expansion of `2d / (1 + √(1 + 4z))`, `z = k|d|`: `1 - z + 2z² - 5z³ + 14z⁴`, in pairs, which wait for each other
+    /// less than one after the other.
     #[inline(always)]
     fn solve(&self, d: f64) -> f64 {
         let z = self.k * d.abs();
@@ -187,7 +188,8 @@ impl NodeFriction for Tabulated {
     fn phi(&self, u: f64) -> f64 {
         self.look_up(u.abs()).0
     }
-    /// About `u = d`, where `φ` is a line: with `p = |u| dφ/d|u|`, `u = d (1 - δ)`, `δ (1 + φ + p) = φ + p δ²`, to third order.
+    /// About `u = d`, where `φ` is a line: with `p = |u| dφ/d|u|`, `u = d (1 - δ)`, `δ (1 + φ + p) = φ + p δ²`, to
+    /// third order.
     #[inline(always)]
     fn solve(&self, d: f64) -> f64 {
         let (phi, p) = self.look_up(d.abs());

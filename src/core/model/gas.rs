@@ -18,7 +18,8 @@
 //!
 //! Gas that follows the pressure with a lag `θ`, `V + θ dV/dt = V_eq(H)`, takes `ψ dt + θ` in place of `ψ dt`.
 //!
-//! Both conditions make `q⁺` an increasing, concave function of the head: `q⁺ = min((K - V_eq)/(ψ dt + θ), (K - V_eq/2)/dt)`.
+//! Both conditions make `q⁺` an increasing, concave function of the head:
+//! `q⁺ = min((K - V_eq)/(ψ dt + θ), (K - V_eq/2)/dt)`.
 
 use crate::model::contribution::NodeField;
 use crate::model::error::ModelError;
@@ -53,8 +54,8 @@ impl Stepping {
     }
 }
 
-/// Isothermal gas over vapour, spread along the pipe: `V_eq = content (1/y - 1/below)` per volume of pipe at a head `y` above that of vapour,
-/// nothing from `y = below` on.
+/// Isothermal gas over vapour, spread along the pipe: `V_eq = content (1/y - 1/below)` per volume of pipe at a head `y`
+/// above that of vapour, nothing from `y = below` on.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gas {
     /// Product of the volume fraction and the absolute head at which it is measured, m.
@@ -199,7 +200,8 @@ widened! {
     }
 }
 
-/// The root `x ≥ 0` of `x² - 2 b x - p = 0`, `p ≥ 0`, without cancellation. Both forms are computed: a branch would take nodes one by one.
+/// The root `x ≥ 0` of `x² - 2 b x - p = 0`, `p ≥ 0`, without cancellation. Both forms are computed: a branch would
+/// take nodes one by one.
 #[inline(always)]
 fn positive_root(b: f64, p: f64) -> f64 {
     let sum = (b * b + p).sqrt() + b.abs();
@@ -289,8 +291,8 @@ mod tests {
         assert!((constant(300.0) / constant(0.0) - 1.0).abs() < 1e-12);
     }
 
-    /// A closed end that is sucked and pushed at random: the node's equation holds at every step, the head never falls below
-    /// that of vapour, and what flowed is what the volume shrank by.
+    /// A closed end that is sucked and pushed at random: the node's equation holds at every step, the head never falls
+    /// below that of vapour, and what flowed is what the volume shrank by.
     #[test]
     fn a_volume_at_a_closed_end_is_solved_however_hard_it_is_hit() {
         for law in laws() {

@@ -8,8 +8,9 @@
 //! number of reaches is chosen to put joints on nodes, or nearly so:
 //! [`fitting_reaches`](crate::model::reaches::fitting_reaches).
 //!
-//! A single line gets the step with which its reaches are whole. Several lines share one step, so each begins with a reach that takes
-//! longer: its wave passes an all-pass filter ([`Late`](crate::model::late::Late)) that delays it by the rest of a step and takes nothing of it.
+//! A single line gets the step with which its reaches are whole. Several lines share one step, so each begins with a
+//! reach that takes longer: its wave passes an all-pass filter ([`Late`](crate::model::late::Late)) that delays it by
+//! the rest of a step and takes nothing of it.
 
 use std::ops::Range;
 
@@ -127,7 +128,8 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// Divides lines, each of stretches in series, into reaches of equal travel time: `reaches` of them on the `way`, lines by their indices.
+    /// Divides lines, each of stretches in series, into reaches of equal travel time: `reaches` of them on the `way`,
+    /// lines by their indices.
     ///
     /// A stretch shorter than one reach is lumped with its neighbours in the reach that covers it: less sharp, but with
     /// all its inertance and capacitance. With [`least_reaches`](crate::model::reaches::least_reaches) or more, no
@@ -210,8 +212,9 @@ impl Grid {
         vec![(node - 1, 0.5 * (0.5 - d).powi(2)), (node, 0.75 - d * d), (node + 1, 0.5 * (0.5 + d).powi(2))]
     }
 
-    /// The inner nodes around a place, counted in reaches over all lines, with weights that interpolate at it: cubic convolution (Keys 1981,
-    /// IEEE Trans. Acoust. 29, 1153), smooth in the position and of third order. Near an end it is linear.
+    /// The inner nodes around a place, counted in reaches over all lines, with weights that interpolate at it: cubic
+    /// convolution (Keys 1981, IEEE Trans. Acoust. 29, 1153), smooth in the position and of third order. Near an end it
+    /// is linear.
     pub fn interpolated(&self, place: impl Into<Place>) -> Vec<(usize, f64)> {
         let (before, x, last) = self.inner(place.into());
         if x < 2.0 || x >= last - 1.0 {
@@ -227,7 +230,8 @@ impl Grid {
         ]
     }
 
-    /// Reaches of the lines before that of a place; the place in reaches of its line, no nearer to an end than the inner nodes are; the last of these.
+    /// Reaches of the lines before that of a place; the place in reaches of its line, no nearer to an end than the
+    /// inner nodes are; the last of these.
     fn inner(&self, Place { line, position_m }: Place) -> (usize, f64, f64) {
         let reaches = |segments: &[Segment]| segments.iter().map(|s| s.reaches).sum::<usize>();
         let own = &self.segments[self.lines[line].clone()];
@@ -341,8 +345,9 @@ fn even_step(stretches: &[Stretch], reaches: usize) -> f64 {
     high
 }
 
-/// The reaches of a line: their parts (stretch and length, m) and how many there are of each. With `rest` the first takes up what is left of the
-/// line's length beside whole reaches, half a step to one and a half more than its own; a line of one reach alone may be late by less.
+/// The reaches of a line: their parts (stretch and length, m) and how many there are of each. With `rest` the first
+/// takes up what is left of the line's length beside whole reaches, half a step to one and a half more than its own; a
+/// line of one reach alone may be late by less.
 fn laid(stretches: &[Stretch], dt_s: f64, rest: bool) -> Vec<(Vec<(usize, f64)>, usize)> {
     let mut laid: Vec<(Vec<(usize, f64)>, usize)> = Vec::new();
     if !rest {
@@ -374,7 +379,8 @@ fn laid(stretches: &[Stretch], dt_s: f64, rest: bool) -> Vec<(Vec<(usize, f64)>,
     laid
 }
 
-/// Two inner nodes around `x`, in reaches of a line with `before` before it, with the weights of linear interpolation; `last` is its last inner node.
+/// Two inner nodes around `x`, in reaches of a line with `before` before it, with the weights of linear interpolation;
+/// `last` is its last inner node.
 fn linear(before: usize, x: f64, last: f64) -> Vec<(usize, f64)> {
     let node = x.floor().min((last - 1.0).max(1.0));
     let (share, node) = (x - node, before + node as usize);
@@ -382,7 +388,8 @@ fn linear(before: usize, x: f64, last: f64) -> Vec<(usize, f64)> {
 }
 
 /// Lays reaches of one step's travel time along the stretches from the supply: passes `push` the parts of a reach
-/// (stretch and length, m) and its number of repetitions. Returns the number of reaches, the last one as a fraction, and the parts of that.
+/// (stretch and length, m) and its number of repetitions. Returns the number of reaches, the last one as a fraction,
+/// and the parts of that.
 ///
 /// A reach over one or several joints takes from the last stretch it touches the length `x` that makes it take one
 /// step:

@@ -5,7 +5,8 @@ use crate::model::energy::Balance;
 use crate::model::node::{Arriving, Node, Spread};
 use crate::model::state::State;
 
-/// Rounds in which elements that meet at a joint learn of each other's flows. A round gains digits: what one takes at once changes the other's head little.
+/// Rounds in which elements that meet at a joint learn of each other's flows. A round gains digits: what one takes at
+/// once changes the other's head little.
 const SWEEPS: usize = 4;
 
 /// A joint, with what arrives there in a step.

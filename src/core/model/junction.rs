@@ -1,7 +1,8 @@
 //! A node of the graph: the ends of lines that meet there, and the law by which water leaves it or passes it.
 //!
-//! Each end sends one characteristic, linear in head and flow. Those of several ends at one head `H` make one, `Q = (e - H)/z` into the node,
-//! with `1/z = Σ 1/z_i` and `e = z Σ e_i/z_i`. A supply, a valve and a tee are one node each; no other place has code for them.
+//! Each end sends one characteristic, linear in head and flow. Those of several ends at one head `H` make one,
+//! `Q = (e - H)/z` into the node, with `1/z = Σ 1/z_i` and `e = z Σ e_i/z_i`. A supply, a valve and a tee are one node
+//! each; no other place has code for them.
 
 use crate::model::boundary::{Outlet, Supply};
 use crate::model::end::End;
@@ -94,7 +95,8 @@ pub(crate) struct Junction<'a> {
     pub(crate) node: Node,
     /// Its index among all nodes that may have elements.
     pub(crate) index: usize,
-    /// Head before the closure, m: before what is there, and behind it. Where no line ends, the first is that of the water a pump takes.
+    /// Head before the closure, m: before what is there, and behind it. Where no line ends, the first is that of the
+    /// water a pump takes.
     pub(crate) steady_m: [f64; 2],
 }
 

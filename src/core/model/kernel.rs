@@ -1,9 +1,10 @@
-//! The step of the interior nodes: loops over slices, nothing else. They are inlined into the loop over time, which is compiled for wide registers.
+//! The step of the interior nodes: loops over slices, nothing else. They are inlined into the loop over time, which is
+//! compiled for wide registers.
 //!
-//! Heads are deviations `h = H - H0(x)` from the steady state: storage terms want them so, and what the steady flow loses over a
-//! reach, `R0`, drops out of them. Each node keeps the two waves that leave it, `fwd` downstream and `bwd` upstream. With the waves `Cp`, `Cm` that arrive,
-//! `S = (Cp + Cm)/2`, `D = (Cp - Cm)/2`, the two characteristic equations, each averaged over both ends of its
-//! characteristic, separate at a node of a uniform pipe into
+//! Heads are deviations `h = H - H0(x)` from the steady state: storage terms want them so, and what the steady flow
+//! loses over a reach, `R0`, drops out of them. Each node keeps the two waves that leave it, `fwd` downstream and `bwd`
+//! upstream. With the waves `Cp`, `Cm` that arrive, `S = (Cp + Cm)/2`, `D = (Cp - Cm)/2`, the two characteristic
+//! equations, each averaged over both ends of its characteristic, separate at a node of a uniform pipe into
 //!
 //! ```text
 //! head   h (1 + κ) = S + b                    κ, b: storage in the wall and the like, implicit and known part
@@ -11,8 +12,8 @@
 //! waves  fwd = 2h + 2u - Cp,  bwd = 2h - 2u - Cm
 //! ```
 //!
-//! The trapezoidal rule is hidden in `2X - incoming`: what a term takes from the arriving waves at the new time it takes
-//! once more from the leaving ones. The loops reckon in `w = 2u`, which saves the halves.
+//! The trapezoidal rule is hidden in `2X - incoming`: what a term takes from the arriving waves at the new time it
+//! takes once more from the leaving ones. The loops reckon in `w = 2u`, which saves the halves.
 
 use crate::model::friction::NodeFriction;
 
@@ -38,7 +39,8 @@ pub fn elastic<F: NodeFriction>(
     }
 }
 
-/// Interior with terms of storage alone: also gives the heads at nodes `1..n-1`. `known` is `b` at each node, `κ` and `R0`.
+/// Interior with terms of storage alone: also gives the heads at nodes `1..n-1`. `known` is `b` at each node, `κ` and
+/// `R0`.
 #[inline(always)]
 pub fn with_storage<F: NodeFriction>(
     fwd: &[f64],
@@ -77,8 +79,8 @@ pub struct Terms<'a> {
     pub steady_loss: f64,
 }
 
-/// Interior with line terms; also gives head and `u = B Q` at nodes `1..n-1`. `friction` is that of `w`, of the reach divided
-/// by `1 + μ`.
+/// Interior with line terms; also gives head and `u = B Q` at nodes `1..n-1`. `friction` is that of `w`, of the reach
+/// divided by `1 + μ`.
 #[inline(always)]
 #[allow(clippy::too_many_arguments)] // slices of one segment
 pub fn with_terms<F: NodeFriction>(
@@ -118,8 +120,8 @@ pub fn mean_arriving(fwd: &[f64], bwd: &[f64], storage: &[f64], mean: &mut [f64]
     }
 }
 
-/// Interior where water is taken out of every node, as [`with_terms`]: from the heads and outflows of nodes `1..n-1` to their flows and waves.
-/// The flows on the two sides of a node differ by the outflow; `half_b` is `B/2`.
+/// Interior where water is taken out of every node, as [`with_terms`]: from the heads and outflows of nodes `1..n-1` to
+/// their flows and waves. The flows on the two sides of a node differ by the outflow; `half_b` is `B/2`.
 #[inline(always)]
 #[allow(clippy::too_many_arguments)] // slices of one segment
 pub fn with_outflow<F: NodeFriction>(

@@ -1,8 +1,9 @@
 //! A reach that takes a wave longer than one step, by a number of steps that need not be whole.
 //!
-//! Its waves pass a first-order all-pass filter, `y = η x + s`, `s⁺ = x - η y`, `η = (1 - D)/(1 + D)`: at low frequencies a delay of `D` steps
-//! (Laakso et al. 1996, IEEE Signal Process. Mag. 13(1):30-60), with an error in phase of third order in the step. It has gain 1 at every frequency, and
-//! the reach keeps its impedance: nothing is reflected, and no energy is lost. `y² + s⁺²/(1 - η²) = x² + s²/(1 - η²)`.
+//! Its waves pass a first-order all-pass filter, `y = η x + s`, `s⁺ = x - η y`, `η = (1 - D)/(1 + D)`: at low
+//! frequencies a delay of `D` steps (Laakso et al. 1996, IEEE Signal Process. Mag. 13(1):30-60), with an error in phase
+//! of third order in the step. It has gain 1 at every frequency, and the reach keeps its impedance: nothing is
+//! reflected, and no energy is lost. `y² + s⁺²/(1 - η²) = x² + s²/(1 - η²)`.
 
 use crate::model::grid::Grid;
 

@@ -1,5 +1,5 @@
-//! A rig's lines and what its nodes let pass, as links between heads; and the flow in every line before the closure, from the pipes alone: it decides
-//! each pipe's law of friction before there is a grid.
+//! A rig's lines and what its nodes let pass, as links between heads; and the flow in every line before the closure,
+//! from the pipes alone: it decides each pipe's law of friction before there is a grid.
 
 use crate::model::error::ModelError;
 use crate::model::friction::WallFriction;
@@ -7,12 +7,14 @@ use crate::model::network::{Drawn, Network};
 use crate::model::passage::steady_loss;
 use crate::rig::{Graph, NodeKind, Pipe, Regime, Rig, WaterProperties, at_time};
 
-/// Reynolds numbers between which a flow goes over from one law to the other: with a jump, a loop might have no solution.
+/// Reynolds numbers between which a flow goes over from one law to the other: with a jump, a loop might have no
+/// solution.
 const TRANSITION: std::ops::Range<f64> = 2000.0..4000.0;
 /// Velocity from which the iteration starts, m/s.
 const USUAL_M_S: f64 = 0.3;
 
-/// Links between heads. The first heads are those of the graph's nodes, before what is there; then come those behind nodes that are passed.
+/// Links between heads. The first heads are those of the graph's nodes, before what is there; then come those behind
+/// nodes that are passed.
 pub(crate) struct System<'a> {
     pub graph: &'a Graph,
     /// Links, the lines and then the nodes that are passed, and the heads that are held, as the rig file has them.
@@ -76,7 +78,8 @@ impl<'a> System<'a> {
         System { graph, network, passed, behind, drawn_m3_s, usual_m3_s }
     }
 
-    /// Flow at the end of each link, from the flow drawn along each line, flows from which the iteration starts, and the head that a line takes.
+    /// Flow at the end of each link, from the flow drawn along each line, flows from which the iteration starts, and
+    /// the head that a line takes.
     ///
     /// # Errors
     /// [`ModelError::NoSteadyFlow`].

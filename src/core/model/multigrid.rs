@@ -1,8 +1,10 @@
-//! Symmetric positive definite systems of a graph of any size: `(D - W) x = b`, with a weight `W` an edge that the diagonal at least balances.
+//! Symmetric positive definite systems of a graph of any size: `(D - W) x = b`, with a weight `W` an edge that the
+//! diagonal at least balances.
 //!
-//! Small ones are solved by factors ([`Symmetric`]), of which the cost rises faster than the number of nodes. Large ones are solved by conjugate gradients
-//! with an algebraic multigrid of aggregates: each node is paired with the neighbour of the greatest weight, and pairs with pairs, until few are left
-//! (Notay 2010, Electron. Trans. Numer. Anal. 37:123-146). The cost of a step is linear in the nodes.
+//! Small ones are solved by factors ([`Symmetric`]), of which the cost rises faster than the number of nodes. Large
+//! ones are solved by conjugate gradients with an algebraic multigrid of aggregates: each node is paired with the
+//! neighbour of the greatest weight, and pairs with pairs, until few are left (Notay 2010, Electron. Trans. Numer.
+//! Anal. 37:123-146). The cost of a step is linear in the nodes.
 
 use crate::model::sparse::{Factors, Symmetric};
 
@@ -25,7 +27,8 @@ impl Multigrid {
         Multigrid { edges, direct }
     }
 
-    /// Solves for `x` in place of `b`: `diagonal` by node, `weights` by edge, what stands off the diagonal with its sign turned.
+    /// Solves for `x` in place of `b`: `diagonal` by node, `weights` by edge, what stands off the diagonal with its
+    /// sign turned.
     pub(crate) fn solve(&self, diagonal: &[f64], weights: &[f64], b: &mut [f64]) {
         if let Some(direct) = &self.direct {
             let off: Vec<f64> = weights.iter().map(|w| -w).collect();
@@ -175,8 +178,8 @@ struct Cycle<'a> {
     last: Factors<'a>,
 }
 
-/// Systems of pairs of pairs, down to one that is small, or does not get smaller; and the aggregate of each node but the last one's. What a level costs,
-/// two visits included, is half of the one before.
+/// Systems of pairs of pairs, down to one that is small, or does not get smaller; and the aggregate of each node but
+/// the last one's. What a level costs, two visits included, is half of the one before.
 fn coarser(finest: Matrix) -> (Vec<Matrix>, Vec<Vec<usize>>) {
     let (mut levels, mut of): (Vec<Matrix>, Vec<Vec<usize>>) = (Vec::new(), Vec::new());
     let mut level = finest;
@@ -195,7 +198,8 @@ fn coarser(finest: Matrix) -> (Vec<Matrix>, Vec<Vec<usize>>) {
 }
 
 impl Cycle<'_> {
-    /// An approximate solution at a level, linear and symmetric in the right side: a sweep forwards, the aggregates twice, a sweep back.
+    /// An approximate solution at a level, linear and symmetric in the right side: a sweep forwards, the aggregates
+    /// twice, a sweep back.
     fn run(&self, level: usize, b: &[f64]) -> Vec<f64> {
         let matrix = &self.levels[level];
         let Some(of) = self.of.get(level) else {

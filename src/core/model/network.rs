@@ -1,9 +1,11 @@
 //! The steady flow in a network: continuity at every node, and the loss of head along every link.
 //!
-//! Links that hang on one other link alone carry what is drawn behind them. What is left, the loops and what lies between heads that are held, is solved by
-//! the global gradient algorithm (Todini & Pilati 1988, in Computer Applications in Water Supply 1, 1-20; as in EPANET 2): Newton's method on flows and
-//! heads at once, of which each step is one symmetric system for the heads. Losses rise with the flow, so that the flow is where a convex function, the
-//! content (Collins et al. 1978, Manage. Sci. 24(7):747-760), is least among all that meet continuity: a step is as long as this function falls along it.
+//! Links that hang on one other link alone carry what is drawn behind them. What is left, the loops and what lies
+//! between heads that are held, is solved by the global gradient algorithm (Todini & Pilati 1988, in Computer
+//! Applications in Water Supply 1, 1-20; as in EPANET 2): Newton's method on flows and heads at once, of which each
+//! step is one symmetric system for the heads. Losses rise with the flow, so that the flow is where a convex function,
+//! the content (Collins et al. 1978, Manage. Sci. 24(7):747-760), is least among all that meet continuity: a step is as
+//! long as this function falls along it.
 
 use crate::model::error::ModelError;
 use crate::model::multigrid::Multigrid;
@@ -40,11 +42,13 @@ pub(crate) struct Drawn<'a> {
 }
 
 const MOST_STEPS: usize = 200;
-/// The content's slope at the end of a step that is long enough, as a share of that at its beginning; halvings until one is found.
+/// The content's slope at the end of a step that is long enough, as a share of that at its beginning; halvings until
+/// one is found.
 const MUCH: f64 = 0.5;
 const MOST_HALVINGS: usize = 40;
-/// Change of all flows as a share of them, or of a link's loss as a share of the largest, at which they are found, and at which they are still taken for
-/// found. In a link that takes next to no head, rounding of the heads leaves the flow open.
+/// Change of all flows as a share of them, or of a link's loss as a share of the largest, at which they are found, and
+/// at which they are still taken for found. In a link that takes next to no head, rounding of the heads leaves the flow
+/// open.
 const FOUND: f64 = 1e-14;
 const NEAR: f64 = 1e-9;
 /// Least slope of a link's loss, as a share of that at its usual flow: at rest a quadratic law has none.
@@ -159,7 +163,8 @@ impl Network {
     }
 }
 
-/// How much of a step to take, at most all of it: the content falls along it by `Σ by (loss - head between)`, which rises on the way.
+/// How much of a step to take, at most all of it: the content falls along it by `Σ by (loss - head between)`, which
+/// rises on the way.
 fn part(core: &[usize], q: &[f64], steps: &[(f64, f64)], loss: &impl Fn(usize, f64) -> (f64, f64)) -> f64 {
     let slope = |part: f64| {
         let links = core.iter().zip(q).zip(steps);
@@ -181,7 +186,8 @@ fn part(core: &[usize], q: &[f64], steps: &[(f64, f64)], loss: &impl Fn(usize, f
     high
 }
 
-/// The links at the end of which nothing but what is drawn there leaves, over and over, each with that end; and the rest.
+/// The links at the end of which nothing but what is drawn there leaves, over and over, each with that end; and the
+/// rest.
 fn prune(links: &[(usize, usize)], held_m: &[Option<f64>]) -> (Vec<(usize, usize)>, Vec<usize>) {
     let mut at_node = vec![Vec::new(); held_m.len()];
     for (k, &(a, b)) in links.iter().enumerate() {
@@ -247,8 +253,8 @@ mod tests {
         }
     }
 
-    /// EPANET's example network 1 at time 0, with its own law of loss (Hazen & Williams, ft and ft³/s) and pump curve: flows of EPANET 2.2 at an accuracy of
-    /// 1e-8, in US gallons a minute.
+    /// EPANET's example network 1 at time 0, with its own law of loss (Hazen & Williams, ft and ft³/s) and pump curve:
+    /// flows of EPANET 2.2 at an accuracy of 1e-8, in US gallons a minute.
     #[test]
     fn epanets_first_example_is_met() {
         // As EPANET rounds it.
@@ -279,7 +285,8 @@ mod tests {
         let flows = network.flows(&drawn, |k, q| {
             let (_, _, length, inches, _) = links[k];
             if length == 0.0 {
-                // One point of 1500 gpm and 250 ft; EPANET's shutoff head is 1.33334 of its head, and no head is left at twice its flow.
+                // One point of 1500 gpm and 250 ft; EPANET's shutoff head is 1.33334 of its head, and no head is left
+                // at twice its flow.
                 let rated = 1500.0 * GPM;
                 let power = (1.33334f64 / 0.33334).log2();
                 let fall = 0.33334 * 250.0 * (q.abs() / rated).powf(power);

@@ -5,10 +5,11 @@
 //! both at one node leave one scalar equation in the head behind the losses; it is increasing, and a safeguarded Newton
 //! iteration solves it.
 //!
-//! A shunt between nodes is one element all the same ([`Spread`]): it sees the head that is interpolated between them, and takes its flow from them
-//! by the same weights, so that it neither adds nor loses energy. A loss between nodes is shared among them ([`Overlap`]). Either meets what it sent
-//! out itself at the other nodes one to three steps before. These waves amount to an inertance (for losses a capacitance) that a single
-//! element does not have, an error of first order. It is removed.
+//! A shunt between nodes is one element all the same ([`Spread`]): it sees the head that is interpolated between them,
+//! and takes its flow from them by the same weights, so that it neither adds nor loses energy. A loss between nodes is
+//! shared among them ([`Overlap`]). Either meets what it sent out itself at the other nodes one to three steps before.
+//! These waves amount to an inertance (for losses a capacitance) that a single element does not have, an error of first
+//! order. It is removed.
 
 /// An element that takes water out of a node: a leak, a branch, a gas volume, a moving wall. Heads are total heads, m.
 pub trait Shunt: Send {
@@ -52,8 +53,9 @@ impl Overlap {
     }
 }
 
-/// A shunt between nodes. At the head `h` that the nodes would have without it, interpolated, it sees `h - z q - Z Σ c_n (q - q_n)`: `z` is what its
-/// own flow takes at once, `q_n` the flow `n` steps before, and `c_n = Σ w_i w_j` over nodes `n` reaches apart.
+/// A shunt between nodes. At the head `h` that the nodes would have without it, interpolated, it sees
+/// `h - z q - Z Σ c_n (q - q_n)`: `z` is what its own flow takes at once, `q_n` the flow `n` steps before, and
+/// `c_n = Σ w_i w_j` over nodes `n` reaches apart.
 pub struct Spread {
     shunt: Box<dyn Shunt>,
     /// The effect that it belongs to.
@@ -86,7 +88,8 @@ impl Spread {
         self.flow_m3_s
     }
 
-    /// Finds the outflow at the new time from the interpolated head without it, and what one m³/s of it takes of that at once.
+    /// Finds the outflow at the new time from the interpolated head without it, and what one m³/s of it takes of that
+    /// at once.
     #[inline]
     pub fn find(&mut self, free_head_m: f64, z: f64) {
         let ([by_1, by_2, by_3], [q_1, q_2, q_3]) = (self.by, self.flows_m3_s);
@@ -111,8 +114,8 @@ impl Spread {
     }
 }
 
-/// A share of a head loss `k u|u|`: what passes it, `u`, is the flow less `Σ c_n (d - d_n)/Z`, `d` the drop, `d_n` the one `n` steps
-/// before.
+/// A share of a head loss `k u|u|`: what passes it, `u`, is the flow less `Σ c_n (d - d_n)/Z`, `d` the drop, `d_n` the
+/// one `n` steps before.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Loss {
     k: f64,
@@ -362,8 +365,8 @@ impl Node {
     }
 }
 
-/// Root of a function that rises by one or more per unit, by Newton's method kept inside a bracket, with what the function found
-/// there. It gives its value, its slope and its findings; `beyond` are the findings a tiny step further.
+/// Root of a function that rises by one or more per unit, by Newton's method kept inside a bracket, with what the
+/// function found there. It gives its value, its slope and its findings; `beyond` are the findings a tiny step further.
 pub fn root<T>(f: impl Fn(f64) -> (f64, f64, T), beyond: impl Fn(T, f64) -> T, guess: f64) -> (f64, T) {
     const MOST: usize = 100;
     let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);

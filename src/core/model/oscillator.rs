@@ -47,7 +47,8 @@ impl Oscillator {
         }
     }
 
-    /// The rate at the end of a step over which the signal goes from `before` to `after`, and its derivative by `after`.
+    /// The rate at the end of a step over which the signal goes from `before` to `after`, and its derivative by
+    /// `after`.
     pub fn next_rate(&self, before: f64, after: f64) -> (f64, f64) {
         let [by_position, by_rate] = self.to_rate;
         let slope = (1.0 + by_position * self.lag_s - by_rate) / self.dt_s;

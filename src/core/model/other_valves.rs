@@ -1,4 +1,5 @@
-//! The valves that close beside the first: each has a closing time and a start of its own, which all runs on the rig share.
+//! The valves that close beside the first: each has a closing time and a start of its own, which all runs on the rig
+//! share.
 //!
 //! Their areas are known, so that the flow before the closure follows; the first valve's area follows from its flow.
 

@@ -83,7 +83,8 @@ impl Parameter {
         Parameter { prior: Some((mean, deviation)), ..self }
     }
 
-    /// The same with what a rig file knows of it: a nominal value, exact if its tolerance, a share of it, is 0. Without a tolerance it stays as it is.
+    /// The same with what a rig file knows of it: a nominal value, exact if its tolerance, a share of it, is 0. Without
+    /// a tolerance it stays as it is.
     pub fn known_within(self, nominal: f64, tolerance: Option<f64>) -> Self {
         match tolerance {
             Some(0.0) => Parameter { start: nominal, lower: nominal, upper: nominal, ..self },

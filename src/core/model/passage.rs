@@ -1,7 +1,7 @@
 //! What a node lets pass from the lines that end there to those that begin there: valves, check valves and pumps.
 //!
-//! Between the characteristic of the one side, `H + z Q = e`, and that of the other, `H - z Q = e`, a flow `Q` leaves the head `e₁ - e₂ - (z₁ + z₂) Q`,
-//! which the law of the node takes or, a pump, adds to.
+//! Between the characteristic of the one side, `H + z Q = e`, and that of the other, `H - z Q = e`, a flow `Q` leaves
+//! the head `e₁ - e₂ - (z₁ + z₂) Q`, which the law of the node takes or, a pump, adds to.
 
 use crate::model::boundary::{Outlet, ValveEnd};
 use crate::model::node::root;
@@ -107,8 +107,9 @@ fn gain(curve: &PumpCurve, speed: f64, flow_m3_s: f64) -> (f64, f64) {
 
 /// A pump that turns.
 ///
-/// Without power its speed falls by `I dω/dt = -T`, `T = ρ g Q H/(η ω)` with the efficiency that the file gives (Wylie & Streeter 1993, Fluid Transients
-/// in Systems, ch. 7, without the zones of reverse flow and turbine: it lets no water back). The torque is extrapolated from the last two steps.
+/// Without power its speed falls by `I dω/dt = -T`, `T = ρ g Q H/(η ω)` with the efficiency that the file gives (Wylie
+/// & Streeter 1993, Fluid Transients in Systems, ch. 7, without the zones of reverse flow and turbine: it lets no water
+/// back). The torque is extrapolated from the last two steps.
 pub struct Turning {
     curve: PumpCurve,
     drive: Drive,

@@ -18,15 +18,17 @@ impl Travel {
         self.way.iter().flat_map(|&line| &self.lines_s[line]).sum()
     }
 
-    /// Fewest reaches on the way from the supply to the valve at which no stretch is shorter than a reach: on a single line one each, two in all.
+    /// Fewest reaches on the way from the supply to the valve at which no stretch is shorter than a reach: on a single
+    /// line one each, two in all.
     pub fn least_reaches(&self) -> usize {
         let shortest = self.lines_s.iter().flatten().copied().fold(f64::INFINITY, f64::min);
         let joints = self.lines_s.iter().map(|line| line.len() - 1).max().unwrap_or(0);
         ((self.way_s() / shortest * (1.0 - 1e-9)).ceil() as usize + joints).max(2)
     }
 
-    /// The number of reaches, from `reaches` to a quarter more, whose nodes come nearest to all joints and to the ends of all lines.
-    /// A joint on a node is exact; one between nodes disperses steep fronts a little each time they pass. The same holds for the end of a line.
+    /// The number of reaches, from `reaches` to a quarter more, whose nodes come nearest to all joints and to the ends
+    /// of all lines. A joint on a node is exact; one between nodes disperses steep fronts a little each time they pass.
+    /// The same holds for the end of a line.
     pub fn fitting_reaches(&self, reaches: usize) -> usize {
         let way_s = self.way_s();
         let single = self.lines_s.len() == 1;

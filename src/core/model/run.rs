@@ -25,8 +25,8 @@ pub struct Conditions {
     /// Head measured at position 0 minus its mean before the closure, and its times after the start of the closure. It
     /// drives an upstream end of kind `measured`.
     pub supply_deviation: Option<(Vec<f64>, Vec<f64>)>,
-    /// Regime of the flow before the closure in each pipe. Where none is given, the run's own velocity decides. A fit keeps the
-    /// one that its instruments show: the law of friction must not change while a velocity is fitted.
+    /// Regime of the flow before the closure in each pipe. Where none is given, the run's own velocity decides. A fit
+    /// keeps the one that its instruments show: the law of friction must not change while a velocity is fitted.
     pub regimes: Option<Vec<Regime>>,
 }
 

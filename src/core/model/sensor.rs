@@ -6,7 +6,8 @@ use crate::rig::{Coupling, Sensor};
 /// The trace as the sensor shows it, about the steady head.
 ///
 /// First-order systems driven by a head linear over each step are solved exactly: with `r = dt/T`,
-/// `y⁺ = E y + (1 - (1-E)/r) x⁺ + ((1-E)/r - E) x`, `E = exp(-r)`. An AC-coupled sensor shows what such a lag leaves out.
+/// `y⁺ = E y + (1 - (1-E)/r) x⁺ + ((1-E)/r - E) x`, `E = exp(-r)`. An AC-coupled sensor shows what such a lag leaves
+/// out.
 pub fn seen_by(sensor: &Sensor, trace: Trace) -> Trace {
     let Some(time_constant_s) = sensor.time_constant_s else { return trace };
     let r = trace.dt_s / time_constant_s;

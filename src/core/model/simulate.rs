@@ -23,7 +23,8 @@ use crate::model::trace::Probe;
 use crate::rig::{Place, Regime, Upstream};
 use crate::units::GRAVITY_M_S2;
 
-/// Share of the impedance that friction over one reach may take (see [`NodeFriction`](crate::model::friction::NodeFriction)).
+/// Share of the impedance that friction over one reach may take (see
+/// [`NodeFriction`](crate::model::friction::NodeFriction)).
 const MOST_FRICTION_SHARE: f64 = 0.02;
 
 impl Model<'_> {
@@ -323,7 +324,8 @@ impl Model<'_> {
     }
 }
 
-/// The friction of every segment, checked against the resolution of the scheme. Tables reach to the flow at the valve, whose stop sends it everywhere.
+/// The friction of every segment, checked against the resolution of the scheme. Tables reach to the flow at the valve,
+/// whose stop sends it everywhere.
 fn reach_frictions(
     grid: &Grid,
     reaches: usize,

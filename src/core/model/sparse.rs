@@ -1,7 +1,9 @@
-//! Symmetric positive definite systems of a graph: `A x = b` with one equation a node and one entry an edge, as the steady flow of a network has them.
+//! Symmetric positive definite systems of a graph: `A x = b` with one equation a node and one entry an edge, as the
+//! steady flow of a network has them.
 //!
-//! `A = L D Lᵀ` in an order of least degree, which leaves little fill in a network of pipes (George & Liu 1989, SIAM Rev. 31(1):1-19); the factors row
-//! by row along the elimination tree (Davis 2005, ACM Trans. Math. Softw. 31(4):587-591, LDL).
+//! `A = L D Lᵀ` in an order of least degree, which leaves little fill in a network of pipes (George & Liu 1989, SIAM
+//! Rev. 31(1):1-19); the factors row by row along the elimination tree (Davis 2005, ACM Trans. Math. Softw.
+//! 31(4):587-591, LDL).
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};

@@ -132,7 +132,8 @@ impl State {
         }
     }
 
-    /// Appends what each probe reads now; by index, for adapters of iterators would be calls, as `swap` in [`State::turn`].
+    /// Appends what each probe reads now; by index, for adapters of iterators would be calls, as `swap` in
+    /// [`State::turn`].
     #[inline(always)]
     pub(crate) fn read(&self, traces: &mut [Trace], readings: &[Reading]) {
         for i in 0..traces.len().min(readings.len()) {

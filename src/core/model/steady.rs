@@ -24,7 +24,8 @@ pub struct Steady<'a> {
     pub viscosity_m2_s: f64,
 }
 
-/// Most passes until elements that are spread over several nodes agree with the heads that their flows lead to. A pass gains digits.
+/// Most passes until elements that are spread over several nodes agree with the heads that their flows lead to. A pass
+/// gains digits.
 const MOST_PASSES: usize = 50;
 
 /// A flow below this does not pass a check valve, m³/s: rounding.
@@ -97,8 +98,8 @@ impl Given<'_> {
         Ok(found)
     }
 
-    /// Heads from the valve on. What it does not reach, because nothing flows between, has the level of a supply of its own, on the datum that the
-    /// valve's head gives the others.
+    /// Heads from the valve on. What it does not reach, because nothing flows between, has the level of a supply of its
+    /// own, on the datum that the valve's head gives the others.
     fn heads(&self, nodes: &mut [Node], found: &mut Found) {
         let system = self.system;
         let lines = self.grid.lines.len();

@@ -12,8 +12,8 @@ thread_local! {
 /// What a computation unwinds with when somebody stops it.
 pub struct Stopped;
 
-/// Makes computations on this thread unwind with [`Stopped`], at the next time step that a model takes, once `stop` is set. Whoever starts them
-/// catches it.
+/// Makes computations on this thread unwind with [`Stopped`], at the next time step that a model takes, once `stop` is
+/// set. Whoever starts them catches it.
 pub fn heed(stop: Arc<AtomicBool>) {
     STOP.set(Some(stop));
 }

@@ -8,8 +8,8 @@ use crate::wide::widened;
 pub struct Trace {
     /// Time step, s.
     pub dt_s: f64,
-    /// Head (m) or flow (m³/s) at `0, dt, 2dt, …` after the start of the closure; the first is the steady value, which also
-    /// holds before.
+    /// Head (m) or flow (m³/s) at `0, dt, 2dt, …` after the start of the closure; the first is the steady value, which
+    /// also holds before.
     pub values: Vec<f64>,
     /// Delay of the trace against the true time, s: the skew of a sensor's clock.
     pub late_s: f64,
@@ -50,9 +50,9 @@ fn about(steps: &[f64], x: f64) -> ([f64; 4], f64) {
     (four, x - i as f64)
 }
 
-/// The cubic between the values at 0 and 1, of those at -1, 0, 1 and 2: it rises and falls as they do (Fritsch & Carlson 1980, SIAM J. Numer. Anal. 17,
-/// 238). Its slopes are the central differences, no more than thrice the smaller neighbouring one, and none at a peak; so the curve has no kinks,
-/// which a fit needs.
+/// The cubic between the values at 0 and 1, of those at -1, 0, 1 and 2: it rises and falls as they do (Fritsch &
+/// Carlson 1980, SIAM J. Numer. Anal. 17, 238). Its slopes are the central differences, no more than thrice the smaller
+/// neighbouring one, and none at a peak; so the curve has no kinks, which a fit needs.
 ///
 /// Comparisons, not `f64::min`: they are one instruction each.
 #[inline(always)]

@@ -2,13 +2,14 @@
 //! convolution with the flow.
 //!
 //! Time is in units of the diffusion time, `θ = 4νt/D²`. Laminar (Zielke 1968, J. Basic Eng. 90:109-115):
-//! `W = Σ exp(-j²θ)` over the zeros `j` of the Bessel function J₂. Turbulent (Vardy & Brown 2003, J. Sound Vib. 259:1011-1036, smooth
-//! pipes): `W = A* exp(-B*θ)/√θ`, `A* = 1/(2√π)`, `B* = Re^κ/12.86`, `κ = log10(15.29/Re^0.0567)`. Both start as `1/(2√(πθ))`.
+//! `W = Σ exp(-j²θ)` over the zeros `j` of the Bessel function J₂. Turbulent (Vardy & Brown 2003, J. Sound Vib.
+//! 259:1011-1036, smooth pipes): `W = A* exp(-B*θ)/√θ`, `A* = 1/(2√π)`, `B* = Re^κ/12.86`,
+//! `κ = log10(15.29/Re^0.0567)`. Both start as `1/(2√(πθ))`.
 
 use crate::rig::Regime;
 
-/// Terms `(n, m)` of `W ≈ Σ m exp(-nθ)` for Zielke's function (Kagawa et al. 1983, Trans. JSME 49:2638-2644): within 0.3%
-/// at θ = 0.04, 0.1% elsewhere from 1e-5 on.
+/// Terms `(n, m)` of `W ≈ Σ m exp(-nθ)` for Zielke's function (Kagawa et al. 1983, Trans. JSME 49:2638-2644):
+/// within 0.3% at θ = 0.04, 0.1% elsewhere from 1e-5 on.
 const ZIELKE: [(f64, f64); 10] = [
     (26.3744, 1.0),
     (72.8033, 1.16725),
@@ -168,8 +169,8 @@ mod tests {
         }
     }
 
-    /// `W` between steps as the sum has it: means over whole steps give the value at the later time that the exponentials
-    /// start from.
+    /// `W` between steps as the sum has it: means over whole steps give the value at the later time that the
+    /// exponentials start from.
     fn value(steps: &Steps, whole_steps: i32) -> f64 {
         steps.remembered.iter().map(|term| term.mean * term.decay.powi(whole_steps)).sum()
     }

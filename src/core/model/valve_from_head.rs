@@ -1,7 +1,7 @@
 //! How the valve closed, read back from the head measured before it (the ITA curve, for inverse transient analysis).
 //!
-//! The measured head drives the line at its end; the characteristic that arrives there then gives the velocity, `V`, and with
-//! the orifice's law the relative opening, `τ = (V/V₀) √(ΔH₀/ΔH)`.
+//! The measured head drives the line at its end; the characteristic that arrives there then gives the velocity, `V`,
+//! and with the orifice's law the relative opening, `τ = (V/V₀) √(ΔH₀/ΔH)`.
 
 use crate::model::boundary::{GivenEnd, OpeningLaw};
 use crate::model::definition::Model;
@@ -24,11 +24,12 @@ pub struct ValveCurve {
 /// Head differences over the valve below this part of the first one tell no opening.
 const LEAST_DROP: f64 = 1e-3;
 
-/// The valve's curve from the head before it: `measured` are times after the start of the closure, s, increasing, and heads, m,
-/// without the sensor's offset. Between samples the head is linear, beyond them constant; before the closure it is `run`'s.
+/// The valve's curve from the head before it: `measured` are times after the start of the closure, s, increasing, and
+/// heads, m, without the sensor's offset. Between samples the head is linear, beyond them constant; before the closure
+/// it is `run`'s.
 ///
-/// Of `run` the closing time is not used. What an effect lets out at the valve's end (a moving valve, trapped air) counts as
-/// flow through the valve.
+/// Of `run` the closing time is not used. What an effect lets out at the valve's end (a moving valve, trapped air)
+/// counts as flow through the valve.
 ///
 /// # Errors
 /// As [`Model::simulate`]; also if there is no sample or their times do not increase.
@@ -69,8 +70,8 @@ pub fn valve_from_head(
     Ok(ValveCurve { time_s: (0..kept).map(|i| heads.dt_s * i as f64).collect(), velocity_m_s, opening })
 }
 
-/// What a sensor at `place` shows where the valve closes by `law`, the opening after a part of `run`'s closing time (0 to 1), whatever the model says of
-/// its valve.
+/// What a sensor at `place` shows where the valve closes by `law`, the opening after a part of `run`'s closing time (0
+/// to 1), whatever the model says of its valve.
 ///
 /// # Errors
 /// As [`Model::simulate`].

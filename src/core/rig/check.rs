@@ -78,7 +78,8 @@ pub fn check(rig: &Rig) -> Vec<Finding> {
     findings
 }
 
-/// Longest and widest pipe that there could be, m, and diameters that one is at least long: a wave in a shorter one is not plane.
+/// Longest and widest pipe that there could be, m, and diameters that one is at least long: a wave in a shorter one is
+/// not plane.
 const LONGEST_M: f64 = 1e7;
 const WIDEST_M: f64 = 30.0;
 const LEAST_DIAMETERS: f64 = 5.0;
@@ -205,7 +206,8 @@ fn check_closing_time(rig: &Rig, water: &WaterProperties) -> Finding {
 /// A count of more than this head hides what a test is for, m: a surge has some ten metres, its noise a hundredth.
 const COARSE_M: f64 = 0.2;
 
-/// Pressure sensors whose counts are so coarse that the file has most likely forgotten their `scale`, which is 1 without it.
+/// Pressure sensors whose counts are so coarse that the file has most likely forgotten their `scale`, which is 1
+/// without it.
 pub fn coarse_counts(rig: &Rig) -> Vec<Finding> {
     let water = rig.fluid.properties(rig.fluid.temperature_degc);
     let of = |sensor: &Sensor| {

@@ -12,7 +12,8 @@ pub struct Differences {
     pub sensors: Vec<String>,
 }
 
-/// Differences of `other` from `rig`, as said of `other`: "length 40 m, not 35". Names of rigs and pipes, devices, wiring and reported steady states do not count.
+/// Differences of `other` from `rig`, as said of `other`: "length 40 m, not 35". Names of rigs and pipes, devices,
+/// wiring and reported steady states do not count.
 pub fn differences(rig: &Rig, other: &Rig) -> Differences {
     let mut found = Differences::default();
     if rig.pipes.len() != other.pipes.len() {

@@ -68,7 +68,8 @@ impl Device {
     }
 }
 
-/// Where a device's bytes come from. Shown as a person would name it: `/dev/ttyUSB0`, `tcp://10.0.0.5:5025`, `python3 daq.py`.
+/// Where a device's bytes come from. Shown as a person would name it: `/dev/ttyUSB0`, `tcp://10.0.0.5:5025`,
+/// `python3 daq.py`.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Port {
     /// A serial port, or a pseudo-terminal.
@@ -144,8 +145,8 @@ impl Serial {
 pub struct Command {
     /// The program, then its arguments; at least one.
     pub words: Vec<String>,
-    /// The folder of the rig file, in which it is started. A rig that did not come from a file of this computer, such as that of a
-    /// recording, has none: its commands are never started.
+    /// The folder of the rig file, in which it is started. A rig that did not come from a file of this computer, such
+    /// as that of a recording, has none: its commands are never started.
     pub folder: Option<PathBuf>,
 }
 

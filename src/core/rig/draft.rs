@@ -3,7 +3,8 @@
 use crate::rig::SensorKind;
 use crate::units::Unit;
 
-/// Standard deviation of a position that is only guessed, as a share of the length: a front that air or a slow valve rounds off arrives late.
+/// Standard deviation of a position that is only guessed, as a share of the length: a front that air or a slow valve
+/// rounds off arrives late.
 const GUESSED_SHARE: f64 = 0.1;
 
 /// What a rig file needs.

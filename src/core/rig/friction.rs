@@ -39,8 +39,9 @@ pub fn darcy_friction_factor(reynolds: f64, relative_roughness: f64) -> f64 {
     if re <= LAMINAR_REYNOLDS { 64.0 / re } else { turbulent_friction_factor(re, relative_roughness) }
 }
 
-/// The Darcy factor of turbulent flow, as [`darcy_friction_factor`]. No flow is turbulent below a Reynolds number of 1000, where the law ends at a
-/// pole: a fit that takes a turbulent flow for almost none on its way gets the factor of 1000.
+/// The Darcy factor of turbulent flow, as [`darcy_friction_factor`]. No flow is turbulent below a Reynolds number of
+/// 1000, where the law ends at a pole: a fit that takes a turbulent flow for almost none on its way gets the factor
+/// of 1000.
 pub fn turbulent_friction_factor(reynolds: f64, relative_roughness: f64) -> f64 {
     let re = reynolds.abs().max(LEAST_TURBULENT_REYNOLDS);
     // Newton's method on x = 1/√f: the residual x + 2 log10(a + b x) is increasing and concave, so it converges from
@@ -78,7 +79,8 @@ mod tests {
         }
     }
 
-    /// Fully rough flow on Moody's diagram (von Kármán), and White's example of an asphalted pipe (Re 270 000, ε/D 0.0008).
+    /// Fully rough flow on Moody's diagram (von Kármán), and White's example of an asphalted pipe (Re 270 000,
+    /// ε/D 0.0008).
     #[test]
     fn agrees_with_moody_diagram() {
         for (re, roughness, moody) in

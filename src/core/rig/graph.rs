@@ -46,7 +46,8 @@ pub struct Node {
 /// What is at a node.
 #[derive(Debug, Clone, PartialEq)]
 pub enum NodeKind {
-    /// Pipes meet, or one ends; a constant flow may be drawn off, and water may leave by an opening: a leak, a burst, a demand that follows the pressure.
+    /// Pipes meet, or one ends; a constant flow may be drawn off, and water may leave by an opening: a leak, a burst, a
+    /// demand that follows the pressure.
     Junction {
         /// Flow drawn off, m³/s.
         demand_m3_s: f64,
@@ -144,7 +145,8 @@ pub enum Drive {
 }
 
 impl PumpCurve {
-    /// Through one point `(m³/s, m)`, with the shutoff head and the greatest flow that EPANET gives it, or through three, the first without flow.
+    /// Through one point `(m³/s, m)`, with the shutoff head and the greatest flow that EPANET gives it, or through
+    /// three, the first without flow.
     pub fn through(points: &[(f64, f64)]) -> Option<PumpCurve> {
         let least_m = f64::NEG_INFINITY;
         let curve = match *points {
@@ -183,7 +185,8 @@ impl NodeKind {
         }
     }
 
-    /// Whether water passes it in one direction from the lines that end there to those that begin there, which then have heads of their own.
+    /// Whether water passes it in one direction from the lines that end there to those that begin there, which then
+    /// have heads of their own.
     pub fn is_passed(&self) -> bool {
         matches!(self, NodeKind::Valve | NodeKind::Opening(_) | NodeKind::CheckValve | NodeKind::Pump(_))
     }
@@ -226,7 +229,8 @@ pub struct Graph {
     pub lines: Vec<Line>,
     /// Index of the node of the valve that closes first.
     pub valve: usize,
-    /// The lines on the way from the supply nearest to the valve, to the valve, and whether each is passed from its end to its beginning.
+    /// The lines on the way from the supply nearest to the valve, to the valve, and whether each is passed from its end
+    /// to its beginning.
     pub way: Vec<(usize, bool)>,
 }
 
@@ -275,7 +279,8 @@ impl Graph {
         }
     }
 
-    /// A graph, with its way: from the reservoir nearest to the valve, or if there is none from the nearest tank or pump.
+    /// A graph, with its way: from the reservoir nearest to the valve, or if there is none from the nearest tank or
+    /// pump.
     pub fn new(nodes: Vec<Node>, lines: Vec<Line>, lengths_m: &[f64], valve: usize) -> Graph {
         let mut graph = Graph { nodes, lines, valve, way: Vec::new() };
         let found = graph.distances(valve, lengths_m);
@@ -303,8 +308,8 @@ impl Graph {
         at_node
     }
 
-    /// The shortest distance of each node from one of them, and the line by which it is reached; infinite where no line leads. The lengths are those of
-    /// the lines.
+    /// The shortest distance of each node from one of them, and the line by which it is reached; infinite where no line
+    /// leads. The lengths are those of the lines.
     pub fn distances(&self, from: usize, lengths_m: &[f64]) -> Vec<(f64, Option<usize>)> {
         let mut found = vec![(f64::INFINITY, None); self.nodes.len()];
         let at_node = self.lines_at_nodes();

@@ -1,11 +1,12 @@
 //! Wall materials: where the search for wave speed and creep starts, and where it ends.
 //!
-//! Young's moduli are those of fast loading at about 20 °C; the ranges span grades, temperatures of 0–60 °C for plastics and
-//! the spread between sources. Sources: Wylie & Streeter, *Fluid Transients in Systems* (1993) and Thorley, *Fluid Transients
-//! in Pipeline Systems* (2004) for moduli and Poisson's ratios of pipes; for plastics under water hammer Covas et al. (2004,
-//! J. Hydraul. Res. 42(5); PE: J₀ 0.70 1/GPa, ν 0.46) and Soares et al. (2008, J. Hydraul. Eng. 134(9); PVC); for PPR the data
-//! sheets of pipe makers (0.8–0.9 GPa slow) and the wave speeds of 410–470 m/s in the rig of `rigs/paper-ppr.toml`;
-//! roughnesses of new pipes after Moody (1944) and makers' data. They are starts and bounds, not measurements of your pipe.
+//! Young's moduli are those of fast loading at about 20 °C; the ranges span grades, temperatures of 0–60 °C for
+//! plastics and the spread between sources. Sources: Wylie & Streeter, *Fluid Transients in Systems* (1993) and
+//! Thorley, *Fluid Transients in Pipeline Systems* (2004) for moduli and Poisson's ratios of pipes; for plastics under
+//! water hammer Covas et al. (2004, J. Hydraul. Res. 42(5); PE: J₀ 0.70 1/GPa, ν 0.46) and Soares et al. (2008, J.
+//! Hydraul. Eng. 134(9); PVC); for PPR the data sheets of pipe makers (0.8–0.9 GPa slow) and the wave speeds of 410–470
+//! m/s in the rig of `rigs/paper-ppr.toml`; roughnesses of new pipes after Moody (1944) and makers' data. They are
+//! starts and bounds, not measurements of your pipe.
 
 /// What is known of a wall material before any test.
 #[derive(Debug, Clone, PartialEq)]
@@ -47,8 +48,9 @@ impl Material {
 
     /// Start and bounds of a creep element, as multiples of the instantaneous compliance 1/E.
     ///
-    /// Plastics: elements found by Covas et al. (2005) on PE are 0.04–0.15 of 1/E, those used for PPR 0.1 and 0.9. Metals
-    /// creep by well under a percent of their elastic strain, so bounds there leave room for the search and no more.
+    /// Plastics: elements found by Covas et al. (2005) on PE are 0.04–0.15 of 1/E, those used for PPR 0.1 and 0.9.
+    /// Metals creep by well under a percent of their elastic strain, so bounds there leave room for the search and no
+    /// more.
     pub fn creep(&self) -> Creep {
         let instantaneous = 1.0 / self.youngs_modulus_pa;
         let (start, lo, hi) = if self.viscoelastic { (0.1, 1e-3, 3.0) } else { (1e-3, 1e-5, 0.05) };

@@ -110,7 +110,8 @@ impl<'a> Nodes<'a> {
         self.read[*self.by_name.get(name)?].as_ref()?.elevation_m
     }
 
-    /// The graph of pipes with their lengths between these nodes, and its valve; `None` if there is none, which is then reported.
+    /// The graph of pipes with their lengths between these nodes, and its valve; `None` if there is none, which is then
+    /// reported.
     pub(crate) fn join(
         self,
         source: &Source<'_>,

@@ -1,7 +1,7 @@
 //! Effects of one's own: the files `effects/NAME.toml` beside a rig file, as text. What they mean, `model` says.
 //!
-//! A recording keeps them behind the text of its rig, in a table `[effects]`, so that it can be replayed elsewhere. Files that
-//! lie beside a recording come before those in it.
+//! A recording keeps them behind the text of its rig, in a table `[effects]`, so that it can be replayed elsewhere.
+//! Files that lie beside a recording come before those in it.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -99,7 +99,8 @@ impl Rig {
         text
     }
 
-    /// The same rig with the effects in the folder `effects` of a folder; each comes before one of that name that it has.
+    /// The same rig with the effects in the folder `effects` of a folder; each comes before one of that name that it
+    /// has.
     ///
     /// # Errors
     /// As [`beside`].

@@ -91,7 +91,8 @@ impl Rig {
         Rig::of(Source::new(text), file_name)
     }
 
-    /// The same of a rig file that is stored in a recording: names and sizes that older versions allowed are no errors there.
+    /// The same of a rig file that is stored in a recording: names and sizes that older versions allowed are no errors
+    /// there.
     ///
     /// # Errors
     /// As [`Rig::from_toml`].
@@ -439,8 +440,8 @@ fn read_constraint(section: &Section<'_>) -> Constraint {
     Constraint::Coefficient(section.number("constraint", &coefficient).unwrap_or(1.0))
 }
 
-/// Tolerances of all pipes, and that of the sensors' places as a share of the length of all pipes: those of a tape along a pipe with bends, and of
-/// bore and wall of pipes as they are sold.
+/// Tolerances of all pipes, and that of the sensors' places as a share of the length of all pipes: those of a tape
+/// along a pipe with bends, and of bore and wall of pipes as they are sold.
 const USUAL: (Tolerance, f64) = (Tolerance { length: 0.005, diameter: 0.01, wall: 0.05 }, 0.003);
 
 /// The rig's own in place of [`USUAL`].

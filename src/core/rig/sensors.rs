@@ -47,7 +47,8 @@ impl Layout<'_> {
         self.pipes[self.graph.lines[line].pipes.clone()].iter().map(|p| p.length_m).sum()
     }
 
-    /// The place at a node: at the end of the first line that ends there, else at the beginning of the first that begins there.
+    /// The place at a node: at the end of the first line that ends there, else at the beginning of the first that
+    /// begins there.
     fn at_node(&self, node: usize) -> Place {
         let lines = &self.graph.lines;
         match lines.iter().position(|line| line.to == node) {
@@ -158,7 +159,8 @@ fn check_column_name(section: &Section<'_>, name: &At<&str>) {
     );
 }
 
-/// A place in a network: along a pipe or at a node. Trigger and valve position are at the valve unless they say otherwise, a temperature at the supply.
+/// A place in a network: along a pipe or at a node. Trigger and valve position are at the valve unless they say
+/// otherwise, a temperature at the supply.
 fn read_place(section: &Section<'_>, kind: Option<SensorKind>, layout: &Layout<'_>) -> Option<Place> {
     let Layout { graph, pipes, .. } = layout;
     if let (Some(_), Some(place)) = (section.place_of("node"), section.place_of("pipe")) {

@@ -84,7 +84,8 @@ pub(crate) struct Limits {
     pub words: &'static str,
 }
 
-/// No number of a rig is larger in its unit, nor a positive one smaller than its inverse: what is, is a slip, and would overflow somewhere.
+/// No number of a rig is larger in its unit, nor a positive one smaller than its inverse: what is, is a slip, and would
+/// overflow somewhere.
 const LARGEST: f64 = 1e9;
 
 pub(crate) const FINITE: Limits = Limits { holds: |v| v.abs() <= LARGEST, words: "a finite number within 1e9" };

@@ -117,7 +117,8 @@ pub struct Valve {
     pub discharge_head_m: f64,
     /// Standard deviation of the closing time as a share of it, where the file gives one; 0: it is exact.
     pub closing_time_tolerance: Option<f64>,
-    /// Relative opening over the share of its stroke that is over, from (0, 1) to (1, 0), linear between; none where both fall alike.
+    /// Relative opening over the share of its stroke that is over, from (0, 1) to (1, 0), linear between; none where
+    /// both fall alike.
     pub characteristic: Vec<(f64, f64)>,
 }
 

@@ -51,8 +51,8 @@ impl Pipe {
 
     /// Constraint coefficient c₁ of the hoop strain, `ε = c₁ D p/(2 e E)` (Wylie & Streeter 1993).
     ///
-    /// Thin wall: 1 with expansion joints, 1 − ν/2 anchored upstream only, 1 − ν² anchored throughout. Thick wall (D/e < 25):
-    /// `2e/D (1 + ν) + D/(D + e) · c₁(thin)`. A coefficient given in the file is used as it stands.
+    /// Thin wall: 1 with expansion joints, 1 − ν/2 anchored upstream only, 1 − ν² anchored throughout. Thick wall (D/e
+    /// < 25): `2e/D (1 + ν) + D/(D + e) · c₁(thin)`. A coefficient given in the file is used as it stands.
     pub fn constraint_coefficient(&self) -> f64 {
         self.coefficient_if(self.constraint)
     }
@@ -108,24 +108,26 @@ impl Pipe {
 }
 
 impl Rig {
-    /// Mean wave speed from the supply to the valve, length by travel time, m/s: nominal, and the least and the greatest that a fit may take (see
-    /// [`Pipe::wave_speed_start`]).
+    /// Mean wave speed from the supply to the valve, length by travel time, m/s: nominal, and the least and the
+    /// greatest that a fit may take (see [`Pipe::wave_speed_start`]).
     pub fn wave_speed_start(&self, water: &WaterProperties) -> (f64, f64, f64) {
         let mean = |of: fn((f64, f64, f64)) -> f64| self.mean_speed_m_s(|pipe| of(pipe.wave_speed_start(water)));
         (mean(|s| s.0), mean(|s| s.1), mean(|s| s.2))
     }
 
-    /// The greatest mean wave speed from the supply to the valve by Korteweg's law, m/s: that of the stiffest wall of its material, or the rig
-    /// file's where that is faster.
+    /// The greatest mean wave speed from the supply to the valve by Korteweg's law, m/s: that of the stiffest wall of
+    /// its material, or the rig file's where that is faster.
     pub fn fastest_by_law_m_s(&self, water: &WaterProperties) -> f64 {
         let speed = |pipe: &Pipe| pipe.wave_speed_m_s.unwrap_or(0.0).max(pipe.material_wave_speeds_m_s(water)[1]);
         self.mean_speed_m_s(speed)
     }
 
-    /// How far a wave comes at the mean speed (length by travel time) in one period of the lowest oscillation between the supply, whose head stays, and the
-    /// shut valve, where nothing flows: 4L in one pipe. Joints of pipes in series reflect, so that the period is another than four travel times: that at which
-    /// the flow at the valve vanishes, carried from the supply through each pipe of impedance `Z = a/(gA)` and phase `θ = ωL/a` by
-    /// `H + ZQ tan θ`, `Q − H/Z tan θ` (Wylie & Streeter 1993, Fluid Transients in Systems, ch. 12). Wave speeds are nominal: only their ratios count.
+    /// How far a wave comes at the mean speed (length by travel time) in one period of the lowest oscillation between
+    /// the supply, whose head stays, and the shut valve, where nothing flows: 4L in one pipe. Joints of pipes in series
+    /// reflect, so that the period is another than four travel times: that at which the flow at the valve vanishes,
+    /// carried from the supply through each pipe of impedance `Z = a/(gA)` and phase `θ = ωL/a` by `H + ZQ tan θ`,
+    /// `Q − H/Z tan θ` (Wylie & Streeter 1993, Fluid Transients in Systems, ch. 12). Wave speeds are nominal: only
+    /// their ratios count.
     pub fn cycle_m(&self, water: &WaterProperties) -> f64 {
         let of = |pipe: &Pipe| {
             let speed_m_s = pipe.wave_speed_start(water).0;
@@ -188,7 +190,8 @@ mod tests {
         Fluid { name: "water".into(), temperature_degc: t }.properties(t)
     }
 
-    /// Two pipes of equal travel time: at the lowest oscillation `tan² θ = Z₂/Z₁` in each. One pipe, cut in two anywhere: 4L.
+    /// Two pipes of equal travel time: at the lowest oscillation `tan² θ = Z₂/Z₁` in each. One pipe, cut in two
+    /// anywhere: 4L.
     #[test]
     fn joints_change_the_period() {
         let of = |length_m, diameter_mm| Pipe {

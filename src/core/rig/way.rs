@@ -15,16 +15,17 @@ impl Rig {
         square.sqrt() / self.length_m()
     }
 
-    /// Standard deviation of the place of a sensor between the ends, m. A wrong length moves it, too: the model keeps the file's length, and its wave
-    /// speed takes up the difference.
+    /// Standard deviation of the place of a sensor between the ends, m. A wrong length moves it, too: the model keeps
+    /// the file's length, and its wave speed takes up the difference.
     pub fn place_sd_m(&self, sensor: &Sensor) -> f64 {
         sensor.position_sd_m.hypot(self.length_m() * self.length_tolerance())
     }
 
-    /// Standard deviation of a fitted parameter through the rig file's tolerances, as a share of its value; none where they do not reach it.
+    /// Standard deviation of a fitted parameter through the rig file's tolerances, as a share of its value; none where
+    /// they do not reach it.
     ///
-    /// The record gives travel times: what it says in metres scales with the length. It gives the wall's compliance over its thickness:
-    /// creep scales with `e/D`.
+    /// The record gives travel times: what it says in metres scales with the length. It gives the wall's compliance
+    /// over its thickness: creep scales with `e/D`.
     pub fn tolerance_of(&self, parameter: &str) -> Option<f64> {
         let of_name =
             |text: &str| parameter.strip_prefix(text).and_then(|rest| rest.strip_prefix('[')?.strip_suffix(']'));
@@ -73,7 +74,8 @@ impl Rig {
         Place { line, position_m: self.line_length_m(line) }
     }
 
-    /// Where a place lies on the way from the supply to the valve, m: as far before the valve as a wave comes on the shortest way from it.
+    /// Where a place lies on the way from the supply to the valve, m: as far before the valve as a wave comes on the
+    /// shortest way from it.
     pub fn on_way_m(&self, place: Place) -> f64 {
         let lengths_m: Vec<f64> = (0..self.graph.lines.len()).map(|line| self.line_length_m(line)).collect();
         let mut before_m = 0.0;

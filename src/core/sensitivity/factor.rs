@@ -92,7 +92,8 @@ impl Reach {
 /// The parameters with their ranges. `own` is how many of the last parameters belong to the run.
 ///
 /// # Errors
-/// A range for a parameter that does not exist, that runs backwards or beyond the parameter's bounds; a value with no range around it.
+/// A range for a parameter that does not exist, that runs backwards or beyond the parameter's bounds; a value with no
+/// range around it.
 pub fn factors(
     parameters: &[Parameter],
     values: &[f64],

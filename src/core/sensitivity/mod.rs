@@ -1,4 +1,5 @@
-//! Which parameter moves what: how the peaks of a closure, their times, its phase and its damping answer to the parameters of a model.
+//! Which parameter moves what: how the peaks of a closure, their times, its phase and its damping answer to the
+//! parameters of a model.
 //!
 //! | file | what it holds |
 //! | --- | --- |

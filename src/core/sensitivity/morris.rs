@@ -1,8 +1,9 @@
 //! Elementary effects: how much an output changes when one parameter alone takes a long step, from many places.
 //!
-//! M. D. Morris (1991), Technometrics 33(2):161-174: trajectories on a grid of four levels over the unit cube, each parameter one step of 2/3 in
-//! random order and direction. The mean absolute effect is that of Campolongo, Cariboni and Saltelli (2007), Environ. Model. Softw.
-//! 22:1509-1518. Effects are in the output's unit for a step over the whole range of the parameter.
+//! M. D. Morris (1991), Technometrics 33(2):161-174: trajectories on a grid of four levels over the unit cube, each
+//! parameter one step of 2/3 in random order and direction. The mean absolute effect is that of Campolongo, Cariboni
+//! and Saltelli (2007), Environ. Model. Softw. 22:1509-1518. Effects are in the output's unit for a step over the whole
+//! range of the parameter.
 
 use serde::Serialize;
 

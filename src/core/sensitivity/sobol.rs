@@ -1,10 +1,10 @@
 //! Sobol indices: the share of an output's variance that each parameter explains alone (first order) and with all its
 //! interactions (total).
 //!
-//! Two samples A and B of the unit cube, and A with one column of B for each parameter (Saltelli 2002). First order by Saltelli et al. (2010),
-//! Comput. Phys. Commun. 181:259-270, table 2 (b); total by Jansen (1999), table 2 (f) there. The points are an Owen-scrambled Sobol
-//! sequence (Burley 2020). Intervals are percentiles of bootstrap samples of the rows; of a low-discrepancy sequence they are rather too
-//! wide than too narrow.
+//! Two samples A and B of the unit cube, and A with one column of B for each parameter (Saltelli 2002). First order by
+//! Saltelli et al. (2010), Comput. Phys. Commun. 181:259-270, table 2 (b); total by Jansen (1999), table 2 (f) there.
+//! The points are an Owen-scrambled Sobol sequence (Burley 2020). Intervals are percentiles of bootstrap samples of the
+//! rows; of a low-discrepancy sequence they are rather too wide than too narrow.
 
 use rayon::prelude::*;
 use serde::Serialize;

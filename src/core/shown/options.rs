@@ -1,5 +1,5 @@
-//! Options that sentences of the library name: option `date_order dmy`, option `rate`. The library knows settings and their values; whoever shows a
-//! sentence, a terminal or a page, says in its own words how one is given.
+//! Options that sentences of the library name: option `date_order dmy`, option `rate`. The library knows settings and
+//! their values; whoever shows a sentence, a terminal or a page, says in its own words how one is given.
 
 use std::borrow::Cow;
 

@@ -32,9 +32,10 @@ const AVERAGED: f64 = 0.1;
 /// An oscillation whose half swing is fewer times the noise has no mirror image. Chosen.
 const STANDS_OUT: f64 = 4.0;
 
-/// Where a slow closure ends: once the valve is shut, the head at it is its own mirror image half a period later (no flow, and the supply turns the
-/// wave round); until then both add up to the flow that the valve stops in between, `a ΔV/g`. At the end of the closure this falls evenly from twice
-/// the amplitude to nothing. In grid points of the station's coarse trace; none where the oscillation does not stand out of the noise.
+/// Where a slow closure ends: once the valve is shut, the head at it is its own mirror image half a period later (no
+/// flow, and the supply turns the wave round); until then both add up to the flow that the valve stops in between,
+/// `a ΔV/g`. At the end of the closure this falls evenly from twice the amplitude to nothing. In grid points of the
+/// station's coarse trace; none where the oscillation does not stand out of the noise.
 pub(crate) fn shut(station: &Station) -> Option<f64> {
     let (front, repeats, trace) = (station.front.as_ref().ok()?, station.repeats?, &station.coarse);
     let period = repeats.period * station.trace.step_s / trace.step_s;

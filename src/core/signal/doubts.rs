@@ -7,7 +7,8 @@ use crate::signal::features::{Estimate, Features, SensorFeatures};
 
 /// Wave speeds that differ by less agree: creep and unsteady friction smear the fronts from which they are read.
 const SAME_SPEED: f64 = 0.15;
-/// If Joukowsky's speed lies this far below the others, units are the likelier cause: nothing in a pipe lowers the first rise as much.
+/// If Joukowsky's speed lies this far below the others, units are the likelier cause: nothing in a pipe lowers the
+/// first rise as much.
 const LOW_JOUKOWSKY: f64 = 0.35;
 /// Faster than any wave in a water pipe, m/s.
 const FASTEST_M_S: f64 = 1600.0;
@@ -188,7 +189,8 @@ fn doubt_joukowsky(j: Estimate, crossings: Option<Estimate>, creeps: bool) -> Op
     (ratio < 1.0 - SAME_SPEED && !creeps).then(|| format!("{values}: a leak, a wrong flow, or a slow closure?"))
 }
 
-/// Compares the wave speed of the whole record, 4L/T, with that of the first peak, and the period with that of the spectrum.
+/// Compares the wave speed of the whole record, 4L/T, with that of the first peak, and the period with that of the
+/// spectrum.
 fn doubt_period(features: &Features, crossings: Option<Estimate>) -> Option<String> {
     let period = features.period?;
     let found = format!("a cycle takes {} s", plus_minus(period.value, period.standard_error));
@@ -216,7 +218,8 @@ fn doubt_bounds(rig: &Rig, temperature_degc: f64, best: Estimate, arrival: Optio
     let water = rig.fluid.properties(temperature_degc);
     let (_, lo, hi) = rig.wave_speed_start(&water);
     let (least, most) = (best.value - 2.0 * best.standard_error, best.value + 2.0 * best.standard_error);
-    // Moduli of plastics depend on how fast they are strained. A branch makes the way to the supply look short, but not that between sensors.
+    // Moduli of plastics depend on how fast they are strained. A branch makes the way to the supply look short, but not
+    // that between sensors.
     let law = rig.fastest_by_law_m_s(&water);
     let is_known = !creeps(rig);
     let too_fast = |speed_m_s: f64| speed_m_s > FASTER_THAN_LAW * law;

@@ -11,13 +11,13 @@ pub(crate) struct HalfCycles {
     pub ends_s: Vec<f64>,
 }
 
-/// Share of the period over which the head is averaged before its crossings count: that takes out the third harmonic and most of the higher ones, which
-/// echoes carry, and leaves one crossing each half cycle.
+/// Share of the period over which the head is averaged before its crossings count: that takes out the third harmonic
+/// and most of the higher ones, which echoes carry, and leaves one crossing each half cycle.
 const AVERAGED: f64 = 1.0 / 3.0;
 
-/// Splits a trace into half cycles from the start of the closure, by the crossings of its fundamental with the mean over a whole period
-/// (which follows drift and decay). A crossing counts once the head has gone through a tenth of the swing on both
-/// sides, so neither noise nor a plateau at the mean makes one.
+/// Splits a trace into half cycles from the start of the closure, by the crossings of its fundamental with the mean
+/// over a whole period (which follows drift and decay). A crossing counts once the head has gone through a tenth of the
+/// swing on both sides, so neither noise nor a plateau at the mean makes one.
 pub(crate) fn half_cycles(trace: &Trace, start_s: f64, period_s: f64, sd_m: f64) -> HalfCycles {
     let start = trace.index(start_s);
     let period = (period_s / trace.step_s).round() as usize;
@@ -94,7 +94,8 @@ pub(crate) fn period(cycles: &HalfCycles) -> Option<Estimate> {
     Some(Estimate { value, standard_error })
 }
 
-/// The highest or lowest head of each half cycle, smoothed over `half_width` samples on either side; none where samples are missing.
+/// The highest or lowest head of each half cycle, smoothed over `half_width` samples on either side; none where samples
+/// are missing.
 pub(crate) fn extrema(trace: &Trace, cycles: &HalfCycles, start_s: f64, half_width: usize) -> Vec<Extremum> {
     let smooth = trace.smoothed(half_width);
     let mut found: Vec<Extremum> = Vec::new();

@@ -1,7 +1,8 @@
-//! Faults of pressure sensors that no physics explains: a sensor that does not follow, a wrong sign, place, unit or clock.
+//! Faults of pressure sensors that no physics explains: a sensor that does not follow, a wrong sign, place, unit or
+//! clock.
 //!
-//! Every rule asks for what no effect of the catalogue can do, and leaves the rest to the diagnosis: a gain of a few percent, a lag or a
-//! shifted clock is an effect, a factor of a hundred is a unit.
+//! Every rule asks for what no effect of the catalogue can do, and leaves the rest to the diagnosis: a gain of a few
+//! percent, a lag or a shifted clock is an effect, a factor of a hundred is a unit.
 
 use serde::Serialize;
 
@@ -111,8 +112,8 @@ const NEAR_SUPPLY: f64 = 0.1;
 const STILL_MOVING: f64 = 0.2;
 /// A wave may take so many times as long to a sensor as the rig's wave speed says.
 const LATE: f64 = 2.0;
-/// Factor between a sensor and the others, in steady pressure and front alike, from which it is a unit. No effect is that large; the smallest
-/// factor between two units of pressure in use is 6.9 (kPa and psi).
+/// Factor between a sensor and the others, in steady pressure and front alike, from which it is a unit. No effect is
+/// that large; the smallest factor between two units of pressure in use is 6.9 (kPa and psi).
 const OTHER_UNIT: f64 = 4.5;
 /// Factor between measured and possible travel times from which it is a unit: minutes and seconds are 60 apart.
 const OTHER_TIME_UNIT: f64 = 20.0;
@@ -131,8 +132,8 @@ pub fn examine(recording: &Recording) -> (Result<Features, SignalError>, Vec<Sen
     (features, faults)
 }
 
-/// The faults of all pressure sensors, in the rig's order; at most one a sensor. A long recording takes long: pass what is
-/// [`used`](crate::signal::window::used) of it.
+/// The faults of all pressure sensors, in the rig's order; at most one a sensor. A long recording takes long: pass what
+/// is [`used`](crate::signal::window::used) of it.
 pub fn sensor_faults(recording: &Recording) -> Vec<SensorFault> {
     examine(recording).1
 }
@@ -250,7 +251,8 @@ impl<'a> Scene<'a> {
         let (from_s, to_s) = (times[first + start], times[first + start + length - 1]);
         if level == low || level == high {
             let cut: Vec<_> = runs.iter().filter(|(at, n)| after[*at] == level && *n > 5).collect();
-            // a quiet sensor of coarse resolution may show a plateau by equal samples, but only once: the next peak is lower
+            // a quiet sensor of coarse resolution may show a plateau by equal samples, but only once: the next peak is
+            // lower
             let apart = cut.windows(2).any(|pair| {
                 let between = &after[pair[0].0..pair[1].0];
                 ends(between).1 - ends(between).0 > STILL_MOVING * swing
@@ -369,7 +371,8 @@ impl<'a> Scene<'a> {
         Some((Fault::WrongUnit, if self.rise_m.is_some() { says } else { says + ": one of the two is" }))
     }
 
-    /// Stations whose times are in another unit: the wave would be far too fast or slow, or the record far longer than the others.
+    /// Stations whose times are in another unit: the wave would be far too fast or slow, or the record far longer than
+    /// the others.
     fn time_units(&self) -> Vec<(usize, String)> {
         // the period does not depend on how long the valve takes; a record too short for it has the first peak
         let pace = |s: &Station| {
@@ -395,7 +398,8 @@ impl<'a> Scene<'a> {
         .collect()
     }
 
-    /// Pairs of which each shows what belongs to the other's place: the wave comes to it in the wrong order, and stays for the other's time.
+    /// Pairs of which each shows what belongs to the other's place: the wave comes to it in the wrong order, and stays
+    /// for the other's time.
     fn swapped(&self) -> Vec<(usize, String)> {
         let fronts: Vec<(usize, &Station, f64, f64)> = (self.stations.iter().enumerate())
             .filter_map(|(i, s)| {
@@ -437,8 +441,9 @@ impl<'a> Scene<'a> {
     }
 }
 
-/// What the flow says of all pressures at once, where the rise over the velocity gives a wave speed that is off by a factor between units: units or
-/// times are wrong, and where the pipe should have the speed of the rise, it is the times.
+/// What the flow says of all pressures at once, where the rise over the velocity gives a wave speed that is off by a
+/// factor between units: units or times are wrong, and where the pipe should have the speed of the rise, it is the
+/// times.
 fn unit_by_flow(rig: &Rig, features: &Features) -> Vec<SensorFault> {
     let speeds = &features.wave_speed;
     let (Some(rise), Some(wave)) = (speeds.joukowsky, speeds.crossings) else { return Vec::new() };

@@ -44,11 +44,12 @@ pub struct Closure {
     pub start_s: f64,
     /// Standard error of the start, s.
     pub start_se_s: f64,
-    /// Its observed end, s: from the valve position, from the end of the first rise, or, of a slow one, from where the head starts to repeat itself;
-    /// none if nothing shows it.
+    /// Its observed end, s: from the valve position, from the end of the first rise, or, of a slow one, from where the
+    /// head starts to repeat itself; none if nothing shows it.
     pub end_s: Option<f64>,
-    /// Whether it takes longer, or nearly longer, than the wave's return to the sensor (2L/a at the valve), so that the fall of the first peak starts
-    /// within its rise: the front then carries neither the wave speed nor Joukowsky's head.
+    /// Whether it takes longer, or nearly longer, than the wave's return to the sensor (2L/a at the valve), so that the
+    /// fall of the first peak starts within its rise: the front then carries neither the wave speed nor Joukowsky's
+    /// head.
     pub slow: bool,
     /// Whether the start comes from a trigger channel.
     pub from_trigger: bool,
@@ -120,7 +121,9 @@ pub struct WaveSpeeds {
     pub crossings: Option<Crossings>,
     /// From the front's arrival at two sensors.
     pub arrival: Option<Estimate>,
-    /// From the period after the closure, 4L/T; of several pipes in series what [their joints](crate::rig::Rig::cycle_m) make of it. What lengthens the period (creep, gas, unsteady friction) lowers it.
+    /// From the period after the closure, 4L/T; of several pipes in series what [their
+    /// joints](crate::rig::Rig::cycle_m) make of it. What lengthens the period (creep, gas, unsteady friction) lowers
+    /// it.
     pub period: Option<Estimate>,
 }
 
@@ -138,8 +141,8 @@ pub struct Crossings {
 }
 
 impl Features {
-    /// What the record shows before the closure, s, where that is too little to call it steady; on a line of this length. A record too short for a period
-    /// still has 4L/a.
+    /// What the record shows before the closure, s, where that is too little to call it steady; on a line of this
+    /// length. A record too short for a period still has 4L/a.
     pub fn short_lead_s(&self, length_m: f64) -> Option<f64> {
         let of_speed = || self.wave_speed.best().map(|a| 4.0 * length_m / a.value);
         let period_s = self.period.map(|p| p.value).or_else(of_speed)?;

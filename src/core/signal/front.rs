@@ -21,7 +21,8 @@ pub(crate) struct Front {
     pub top_m: f64,
     /// Index of the top.
     pub top: f64,
-    /// Index at which the head has fallen half way from the top to the base, or to the next trough where that lies higher.
+    /// Index at which the head has fallen half way from the top to the base, or to the next trough where that lies
+    /// higher.
     pub half_fall: f64,
     /// Range of grid points before the front in which nothing happens.
     pub quiet: Range<usize>,
@@ -167,8 +168,9 @@ pub(crate) fn find(trace: &Trace, white_sd_m: f64) -> Result<Front, NoFront> {
     Ok(Front { onset, rise, base_m: base, top_m: top, top: top_at as f64, half_fall: fallen as f64, quiet })
 }
 
-/// The top of the first peak and where the head has fallen from it by half. A closure that lasts long raises the head to the supply's for good, and
-/// leaves but a small oscillation about it: its trough does not come half way down to the base.
+/// The top of the first peak and where the head has fallen from it by half. A closure that lasts long raises the head
+/// to the supply's for good, and leaves but a small oscillation about it: its trough does not come half way down to the
+/// base.
 fn fall(head: &[f64], from: usize, base_m: f64) -> Option<(usize, usize)> {
     let mut top = from;
     for (i, &h) in head.iter().enumerate().skip(from) {

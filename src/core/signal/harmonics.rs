@@ -7,8 +7,8 @@
 //! damped ones little. The mean under the window is removed first. Amplitudes are those of steady sines under the
 //! window; a decaying oscillation shows its mean strength. Compare only what was seen through the same window.
 //!
-//! For transforms of windowed records see Harris (1978, Proc. IEEE 66, 51); for the odd harmonics as a pipe's response, Lee, Lambert, Simpson, Vítkovský
-//! & Liggett (2006, J. Hydraul. Res. 44, 633).
+//! For transforms of windowed records see Harris (1978, Proc. IEEE 66, 51); for the odd harmonics as a pipe's response,
+//! Lee, Lambert, Simpson, Vítkovský & Liggett (2006, J. Hydraul. Res. 44, 633).
 
 use std::f64::consts::TAU;
 

@@ -1,4 +1,5 @@
-//! Hum: tones of the mains and of their harmonics, which a sensor's wiring picks up. They stand in its record before the closure as after it.
+//! Hum: tones of the mains and of their harmonics, which a sensor's wiring picks up. They stand in its record before
+//! the closure as after it.
 
 use std::f64::consts::TAU;
 
@@ -19,17 +20,21 @@ pub struct Tone {
 const MAINS_HZ: [f64; 2] = [50.0, 60.0];
 /// Their harmonics that wiring picks up. Rectifiers and lamps make the first few.
 const HARMONICS: usize = 6;
-/// The mains keep their frequency within this, Hz (EN 50160: 0.5 Hz in 99.5% of a year); a motor on the mains turns more slowly, by its slip.
+/// The mains keep their frequency within this, Hz (EN 50160: 0.5 Hz in 99.5% of a year); a motor on the mains turns
+/// more slowly, by its slip.
 const WITHIN_HZ: f64 = 0.5;
-/// So far around the mains' band, in units of the resolution 1/T of a record of length T, the noise is read, and so near to a tone it is not.
+/// So far around the mains' band, in units of the resolution 1/T of a record of length T, the noise is read, and so
+/// near to a tone it is not.
 const AROUND: f64 = 24.0;
 const NEAR: f64 = 3.0;
 /// Tones in and near one band.
 const MOST: usize = 8;
 
-/// The hum in samples of an even record that is otherwise steady, `interval_s` apart, the strongest tone first; takes it out of them.
+/// The hum in samples of an even record that is otherwise steady, `interval_s` apart, the strongest tone first; takes
+/// it out of them.
 ///
-/// A tone is one whose power is beyond what chance makes of the noise around it. It is hum where it lies within the mains' band.
+/// A tone is one whose power is beyond what chance makes of the noise around it. It is hum where it lies within the
+/// mains' band.
 pub(crate) fn take_hum(samples: &mut [f64], interval_s: f64) -> Vec<Tone> {
     let number: Vec<f64> = (0..samples.len()).map(|i| i as f64).collect();
     let mut found: Vec<Tone> = Vec::new();
@@ -60,8 +65,9 @@ pub(crate) fn take_hum(samples: &mut [f64], interval_s: f64) -> Vec<Tone> {
     found
 }
 
-/// The frequency of the strongest tone in and around a band, in cycles a sample, where chance makes none of its power. The power of noise at one
-/// frequency over the mean of that at `m` others is distributed as F(2, 2m): it exceeds `x` with probability `(1 + x/m)^-m`.
+/// The frequency of the strongest tone in and around a band, in cycles a sample, where chance makes none of its power.
+/// The power of noise at one frequency over the mean of that at `m` others is distributed as F(2, 2m): it exceeds `x`
+/// with probability `(1 + x/m)^-m`.
 fn strongest(spectrum: &Spectrum, samples: usize, [from, to]: [f64; 2]) -> Option<f64> {
     let resolution = 1.0 / samples as f64;
     let (from, to) = ((from - AROUND * resolution).max(resolution), (to + AROUND * resolution).min(0.5));
@@ -135,7 +141,8 @@ mod tests {
         let mut samples = record(1, &[(49.93, 0.6), (149.8, 0.2)]);
         let found = take_hum(&mut samples, 1e-3);
         let [first, second] = found[..] else { panic!("{found:?}") };
-        // Rife & Boorstyn 1974: the least standard deviation is (σ/A) sqrt(24/N³)/2π cycles a sample, 0.0022 Hz and 0.0067 Hz
+        // Rife & Boorstyn 1974: the least standard deviation is (σ/A) sqrt(24/N³)/2π cycles a sample, 0.0022 Hz
+        // and 0.0067 Hz
         assert!((first.hz - 49.93).abs() < 0.01 && (first.amplitude_m - 0.6).abs() < 0.02, "{first:?}");
         assert!((second.hz - 149.8).abs() < 0.03 && (second.amplitude_m - 0.2).abs() < 0.02, "{second:?}");
         assert!((spread(&samples) / 0.1 - 1.0).abs() < 0.05, "{}", spread(&samples));

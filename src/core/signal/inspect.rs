@@ -38,7 +38,8 @@ pub(crate) fn inspect_stations(
     let guess_s = reference.period_s();
     let water = rig.fluid.properties(temperature_degc);
     let cycle_m = rig.cycle_m(&water);
-    // Where pipes branch, what comes back first comes from a branch, and the period is that of no line: only the arrival at two sensors tells a speed.
+    // Where pipes branch, what comes back first comes from a branch, and the period is that of no line: only the
+    // arrival at two sensors tells a speed.
     let branches = rig.graph.lines.len() > 1;
     let of_cycle = guess_s.map(|t| Estimate { value: cycle_m / t, standard_error: f64::NAN });
     let nominal = Estimate { value: rig.wave_speed_start(&water).0, standard_error: f64::NAN };
@@ -160,8 +161,8 @@ fn sensor_features(
     let base_m = station.front.as_ref().map_or(trace.head_m[0], |f| f.base_m);
     let newest = (5.0f64.max(2.0 * period_s) / trace.step_s) as usize;
     let extrema = extrema::extrema(trace, cycles, start_s, half_width(trace.step_s, sharp_s));
-    // A front that lies in a gap is sought behind it, and so is its return. A gap in a steady stretch, with one head on both sides, hides none, nor does
-    // one that is short against the period.
+    // A front that lies in a gap is sought behind it, and so is its return. A gap in a steady stretch, with one head on
+    // both sides, hides none, nor does one that is short against the period.
     let missing_at_front_s = front_arrival_s.and_then(|front| {
         let at = trace.index(front.value);
         let hides = |[from, to]: &[usize; 2]| {
@@ -203,8 +204,8 @@ fn half_width(step_s: f64, sharp_s: f64) -> usize {
     ((0.1 * sharp_s / step_s) as usize).min(200)
 }
 
-/// Leaves each sensor the half cycles whose extrema stand out from the noise at all that have a clear front; a sensor without one, as at the supply,
-/// keeps its own.
+/// Leaves each sensor the half cycles whose extrema stand out from the noise at all that have a clear front; a sensor
+/// without one, as at the supply, keeps its own.
 fn same_cycles(sensors: &mut [SensorFeatures], clear: &[&Station], sharp_s: f64) {
     let resolved = |s: &SensorFeatures| {
         let averaged = 2 * half_width(s.interval_s, sharp_s) + 1;

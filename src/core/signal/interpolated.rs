@@ -1,9 +1,10 @@
 //! Samples that were not measured but drawn between others: a curve read off a figure, a logger that fills in.
 //!
-//! On the straight lines between such points the second differences are those of rounding, at the points they are not. So a record whose second differences
-//! are hardly ever anything, but now and then a corner by itself, was interpolated. (A front of a quiet or noise-free record is no such corner: there are
-//! few of them, or they last for many samples.) Its scatter from sample to sample says nothing; what says something is how far each corner lies from the
-//! line between the corners beside it.
+//! On the straight lines between such points the second differences are those of rounding, at the points they are not.
+//! So a record whose second differences are hardly ever anything, but now and then a corner by itself, was
+//! interpolated. (A front of a quiet or noise-free record is no such corner: there are few of them, or they last for
+//! many samples.) Its scatter from sample to sample says nothing; what says something is how far each corner lies from
+//! the line between the corners beside it.
 
 use crate::robust::{MEDIAN_TO_SD, median};
 
@@ -13,11 +14,13 @@ const OFF_THE_LINE: f64 = 8.0;
 const SHARP: f64 = 10.0;
 /// Most samples of a corner: two where it lies between them.
 const LONGEST_CORNER: usize = 2;
-/// Least number of corners, and least share of the samples that they make up: a noise-free record has two corners a front.
+/// Least number of corners, and least share of the samples that they make up: a noise-free record has two corners a
+/// front.
 const FEWEST: usize = 30;
 const LEAST_SHARE: f64 = 0.03;
 
-/// The points between which a record was interpolated: their number per sample, and the standard deviation of their noise.
+/// The points between which a record was interpolated: their number per sample, and the standard deviation of their
+/// noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Corners {
     /// Corners per sample.

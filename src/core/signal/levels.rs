@@ -42,7 +42,8 @@ pub fn temperature_degc(recording: &Recording) -> f64 {
         .unwrap_or(recording.rig.fluid.temperature_degc)
 }
 
-/// Flow before the closure, m³/s, from the first flow sensor with samples: the mean of its last five seconds, or else its last reading.
+/// Flow before the closure, m³/s, from the first flow sensor with samples: the mean of its last five seconds, or else
+/// its last reading.
 pub(crate) fn flow_m3_s(recording: &Recording, start_s: f64) -> Option<Estimate> {
     let (sensor, series) = of_kind(recording, SensorKind::Flow)?;
     let sensor = &recording.rig.sensors[sensor];

@@ -1,5 +1,6 @@
-//! From a recording to its features, without a model of the run: noise, steady levels, closure, extrema, period, damping and
-//! the wave speed in four ways, each with its uncertainty. Heads are metres of the fluid column, g = 9.81 m/s².
+//! From a recording to its features, without a model of the run: noise, steady levels, closure, extrema, period,
+//! damping and the wave speed in four ways, each with its uncertainty. Heads are metres of the fluid column, g = 9.81
+//! m/s².
 //!
 //! | file | what it finds |
 //! | --- | --- |

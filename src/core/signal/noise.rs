@@ -27,7 +27,8 @@ pub struct Noise {
     pub hum: Vec<Tone>,
     /// Standard deviations of the white part and about a straight line without the hum, m.
     pub without_hum_m: [f64; 2],
-    /// The part of the rest that is not white, if it is one lasting oscillation: not sensor noise, but something in the pipe.
+    /// The part of the rest that is not white, if it is one lasting oscillation: not sensor noise, but something in the
+    /// pipe.
     pub line: Option<Tone>,
     /// The points between which the record was interpolated, if it was: its noise is theirs.
     pub corners: Option<Corners>,
@@ -48,7 +49,8 @@ const SPIKY: f64 = 1.5;
 /// A sample this many standard deviations from the median of its five neighbours is a spike.
 const SPIKE: f64 = 8.0;
 
-/// Noise from the samples before the closure (`lead`), `interval_s` apart, or from the whole record if they are too few.
+/// Noise from the samples before the closure (`lead`), `interval_s` apart, or from the whole record if they are too
+/// few.
 pub(crate) fn noise(lead: &[f64], whole: &[f64], interval_s: f64) -> Noise {
     let quantum_m = quantum(whole);
     let floor = quantum_m.map_or(0.0, |q| q / 12f64.sqrt());

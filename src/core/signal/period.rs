@@ -1,10 +1,12 @@
 //! The period of an oscillation from all of a record at once: the delay after which the head repeats itself.
 //!
-//! Crossings and extrema mistake the echoes of a leak, a joint or a branch for cycles; these echoes come back with every cycle, so the whole record
-//! still repeats itself after the period, and after nothing less. And since a pipe that is shut at one end has odd harmonics only, it is its own mirror
-//! image after half of it. So a period is judged by the autocorrelation there less that at half of it, each normalised by the energy of what it
-//! compares: an oscillation that decays by a factor `exp(-δ)` a cycle repeats itself with `1/cosh δ`. What moves slowly under it (a valve that still
-//! closes, creep, a drift) hides the repetition. It is taken out at ever shorter scales until the record repeats itself.
+//! Crossings and extrema mistake the echoes of a leak, a joint or a branch for cycles; these echoes come back with
+//! every cycle, so the whole record still repeats itself after the period, and after nothing less. And since a pipe
+//! that is shut at one end has odd harmonics only, it is its own mirror image after half of it. So a period is judged
+//! by the autocorrelation there less that at half of it, each normalised by the energy of what it compares: an
+//! oscillation that decays by a factor `exp(-δ)` a cycle repeats itself with `1/cosh δ`. What moves slowly under it (a
+//! valve that still closes, creep, a drift) hides the repetition. It is taken out at ever shorter scales until the
+//! record repeats itself.
 
 use realfft::RealFftPlanner;
 
@@ -12,19 +14,23 @@ use crate::signal::trace::{mean, moving_mean};
 
 /// A record repeats itself where it is judged by more than this: a decay to a sixth a cycle still does. Chosen.
 const REPEATS: f64 = 0.3;
-/// Delays that are judged by this share of the best one are as good: the shortest of them is the period, the others are multiples of it. Chosen.
+/// Delays that are judged by this share of the best one are as good: the shortest of them is the period, the others are
+/// multiples of it. Chosen.
 const AS_GOOD: f64 = 0.9;
 /// Below this share of the best one a peak has ended. Chosen.
 const PEAK_ENDS: f64 = 0.5;
-/// Of the scales, the longest counts that is judged by this share of the best one: at shorter ones only echoes may be left. Chosen.
+/// Of the scales, the longest counts that is judged by this share of the best one: at shorter ones only echoes may be
+/// left. Chosen.
 const GOOD_ENOUGH: f64 = 0.6;
 /// Periods that differ by a smaller share are the same one. Chosen.
 const SAME: f64 = 0.1;
 /// Fewest samples of a period.
 const FEWEST: usize = 4;
-/// Most points that are looked at: a window around a closure holds no more than 400 periods, so that each keeps 40. More only cost time.
+/// Most points that are looked at: a window around a closure holds no more than 400 periods, so that each keeps 40.
+/// More only cost time.
 const MOST_POINTS: usize = 1 << 14;
-/// What is slow is a moving mean over a half, a quarter … of the record. Chosen: 1/64 is still a period where there are as many.
+/// What is slow is a moving mean over a half, a quarter … of the record. Chosen: 1/64 is still a period where there are
+/// as many.
 const SCALES: [usize; 6] = [2, 4, 8, 16, 32, 64];
 
 /// How a record repeats itself.

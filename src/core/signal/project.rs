@@ -70,8 +70,8 @@ impl Projector {
     }
 }
 
-/// Minimum of a profile of sums of squares over an even grid, by a parabola through its lowest points, and its half width at
-/// a rise by `variance` (the one-standard-error interval of the profile likelihood); both in grid steps.
+/// Minimum of a profile of sums of squares over an even grid, by a parabola through its lowest points, and its half
+/// width at a rise by `variance` (the one-standard-error interval of the profile likelihood); both in grid steps.
 pub(crate) fn profile_minimum(sums: &[f64], lowest: usize, variance: f64) -> (f64, f64) {
     let limit = sums[lowest] + variance;
     let reach = |mut steps: Box<dyn Iterator<Item = usize>>| -> f64 {

@@ -56,7 +56,8 @@ impl Spectrum {
         points.take_while(move |(f, _)| *f <= most_hz)
     }
 
-    /// Frequency, Hz, of the highest amplitude between two frequencies, by a parabola through the logarithms of it and its neighbours.
+    /// Frequency, Hz, of the highest amplitude between two frequencies, by a parabola through the logarithms of it and
+    /// its neighbours.
     pub fn peak_hz(&self, from_hz: f64, to_hz: f64) -> Option<f64> {
         let inside = self.points(to_hz).enumerate().filter(|(_, (f, _))| *f >= from_hz);
         let (i, (peak_hz, _)) = inside.max_by(|a, b| a.1.1.total_cmp(&b.1.1))?;

@@ -141,8 +141,8 @@ pub(crate) fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
-/// The usual interval, s: the mean of those near the median. Loggers round their times; steps of the median would drift off the samples, and
-/// interpolation between two of them halves the noise.
+/// The usual interval, s: the mean of those near the median. Loggers round their times; steps of the median would drift
+/// off the samples, and interpolation between two of them halves the noise.
 fn step(time_s: &[f64]) -> f64 {
     let mut intervals: Vec<f64> = time_s.windows(2).map(|w| w[1] - w[0]).collect();
     let usual = median(&mut intervals);

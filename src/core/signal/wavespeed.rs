@@ -41,8 +41,9 @@ pub(crate) struct ThereAndBack {
 /// first result. The range covers every window of every sensor and the crossings of equal levels (a quarter and half of
 /// the front; at the valve, half is the steady level itself, as in Table 2 of the source paper).
 ///
-/// A fall that marks the end of a slow closure looks like the wave's return, only later; one that a joint of pipes in series sends back, only earlier. The
-/// period exposes both: it is the same at every sensor, however the valve closes, and nothing makes it shorter.
+/// A fall that marks the end of a slow closure looks like the wave's return, only later; one that a joint of pipes in
+/// series sends back, only earlier. The period exposes both: it is the same at every sensor, however the valve closes,
+/// and nothing makes it shorter.
 pub(crate) fn there_and_back(
     stations: &[&Station],
     length_m: f64,
@@ -81,7 +82,8 @@ pub(crate) fn there_and_back(
             match of_period {
                 Some(a) => slow |= value < (1.0 - MISTAKEN) * a.value,
                 None => {
-                    // between valve and supply, a closure that outlasts the return holds the level, and the fall marks its end
+                    // between valve and supply, a closure that outlasts the return holds the level, and the fall marks
+                    // its end
                     let doubtful = station.place_m < 0.9 * length_m && front.rise > CROWDED * found.value;
                     slow = doubtful || front.rise > SLOW * found.value;
                     doubt = if doubtful { MISTAKEN } else { 0.0 };
@@ -107,7 +109,8 @@ pub(crate) fn there_and_back(
     ThereAndBack { crossings: crossings.filter(carried), smear: tail, slow }
 }
 
-/// How long the rise at a station lasts, as a share of the time after which a wave of this speed has returned from the supply.
+/// How long the rise at a station lasts, as a share of the time after which a wave of this speed has returned from the
+/// supply.
 fn rise_over_return(station: &Station, speed_m_s: f64) -> f64 {
     let return_s = 2.0 * station.place_m / speed_m_s;
     station.front.as_ref().map_or(0.0, |front| front.rise * station.coarse.step_s / return_s)
@@ -129,8 +132,9 @@ fn equal_levels(station: &Station, front: &Front, valve_m: f64, found: &Delay) -
         .collect()
 }
 
-/// From the front's arrival at two sensors: the one nearest to the valve paired with each other one. A front that is still rising when a wave of
-/// `speed_m_s` has come back from the supply has another shape at each sensor, and no delay.
+/// From the front's arrival at two sensors: the one nearest to the valve paired with each other one. A front that is
+/// still rising when a wave of `speed_m_s` has come back from the supply has another shape at each sensor, and no
+/// delay.
 pub(crate) fn arrival(stations: &[&Station], smear: f64, speed_m_s: Option<f64>) -> Option<Estimate> {
     let (first, others) = stations.split_first()?;
     let mut estimates = Vec::new();

@@ -1,5 +1,5 @@
-//! The part of a long record that its closure needs. A record of hours holds one closure of seconds: the rest costs time and memory, and tells
-//! a fit nothing.
+//! The part of a long record that its closure needs. A record of hours holds one closure of seconds: the rest costs
+//! time and memory, and tells a fit nothing.
 
 use std::collections::VecDeque;
 
@@ -13,14 +13,17 @@ use crate::robust::median;
 use crate::signal::levels::temperature_degc;
 use crate::signal::noise::white_sd_of_whole;
 
-/// A pressure sensor with more samples than this has a long record; what is used of it has no more. A tenth of it resolves any wave: 20
-/// periods of 1,500 samples each. Chosen.
+/// A pressure sensor with more samples than this has a long record; what is used of it has no more. A tenth of it
+/// resolves any wave: 20 periods of 1,500 samples each. Chosen.
 const LONG: usize = 300_000;
-/// A window goes on for so many periods of the wave (4L/a) after the closure, as long as a test is usually recorded. Chosen.
+/// A window goes on for so many periods of the wave (4L/a) after the closure, as long as a test is usually recorded.
+/// Chosen.
 const PERIODS: f64 = 20.0;
-/// It goes on for no more than so many: no surge outlives them, and each costs a simulation of it. A record of twice as many is long, too. Chosen.
+/// It goes on for no more than so many: no surge outlives them, and each costs a simulation of it. A record of twice as
+/// many is long, too. Chosen.
 const MOST_PERIODS: f64 = 200.0;
-/// Before the closure it holds at least so many periods, and at least so many seconds, from which flow and steady pressure are read.
+/// Before the closure it holds at least so many periods, and at least so many seconds, from which flow and steady
+/// pressure are read.
 const LEAD_PERIODS: f64 = 2.0;
 const LEAD_S: f64 = 6.0;
 /// Blocks into which a record is cut to look for its closure.
@@ -35,7 +38,8 @@ const GAP_STEPS: f64 = 2.5;
 const FOR_NOISE: usize = 1 << 16;
 /// A front rises by this share of the record's swing, as in `front`.
 const RISEN: f64 = 0.2;
-/// A swing that is fewer times the noise shows its front only where the whole record is averaged: such a rise is no more than what noise does.
+/// A swing that is fewer times the noise shows its front only where the whole record is averaged: such a rise is no
+/// more than what noise does.
 const CLEAR: f64 = 40.0;
 
 /// The recording, or what is used of a long one, with the window that it was cut to.
@@ -71,8 +75,8 @@ pub struct Window {
 }
 
 impl Window {
-    /// The window of a long record: around the first closure, or all of it, averaged, where there is none. `None` for a record that is used as
-    /// it is.
+    /// The window of a long record: around the first closure, or all of it, averaged, where there is none. `None` for a
+    /// record that is used as it is.
     pub fn of(recording: &Recording) -> Option<Window> {
         let series = |i: usize| &recording.series[i];
         let most = recording.rig.pressure_sensors().map(|(i, _)| series(i).time_s.len()).max()?;
@@ -268,7 +272,8 @@ struct Scan {
     last_s: f64,
     /// The first samples: times and values.
     head: (Vec<f64>, Vec<f64>),
-    /// Of each block its first time, and its lowest and highest value that lasts for three samples; infinite where there is none.
+    /// Of each block its first time, and its lowest and highest value that lasts for three samples; infinite where
+    /// there is none.
     blocks: Vec<(f64, f64, f64)>,
     /// The last two values.
     before: (f64, f64),
@@ -390,7 +395,8 @@ impl Scan {
         Some(Seen { closure_s: self.front(lookback_s)?, clear, position_m })
     }
 
-    /// How far the highest value that lasts is above the usual ones. Not from the lowest: a sensor that drops out would stretch it.
+    /// How far the highest value that lasts is above the usual ones. Not from the lowest: a sensor that drops out would
+    /// stretch it.
     fn swing(&self) -> f64 {
         let mut highs: Vec<f64> = self.blocks.iter().map(|b| b.2).filter(|high| high.is_finite()).collect();
         let usual = median(&mut highs);
@@ -404,8 +410,8 @@ impl Scan {
         (swing.is_finite() && clear > CLEAR).then_some(clear)
     }
 
-    /// A front after a time at which a wave still runs, s: it rises above every peak before it, but for those that are so near that they may be
-    /// its own rise.
+    /// A front after a time at which a wave still runs, s: it rises above every peak before it, but for those that are
+    /// so near that they may be its own rise.
     fn next_front(&self, lookback_s: f64, after_s: f64) -> Option<f64> {
         self.clear()?;
         let (blocks, risen) = (&self.blocks, RISEN * self.swing());
@@ -427,8 +433,8 @@ impl Scan {
         front.map(|block| block.0)
     }
 
-    /// The first front, s: the first block that rises far above the highest values of those shortly before it. Neither a slow drift nor a sensor
-    /// that drops out and comes back does.
+    /// The first front, s: the first block that rises far above the highest values of those shortly before it. Neither
+    /// a slow drift nor a sensor that drops out and comes back does.
     fn front(&self, lookback_s: f64) -> Option<f64> {
         let (blocks, risen) = (&self.blocks, RISEN * self.swing());
         let (mut first, mut sum, mut highs) = (0, 0.0, Vec::with_capacity(blocks.len()));
@@ -467,7 +473,8 @@ mod tests {
         closing_time_s = 0.1\n[[sensor]]\nname = \"P1\"\nkind = \"pressure\"\nposition_m = 100.0\nunit = \"kPa\"\n[[sensor]]\nname = \"T1\"\n\
         kind = \"temperature\"\nposition_m = 0.0\nunit = \"degC\"\n";
 
-    /// So many samples at a rate, with a closure at a time: a square wave of 1 s that dies out, on a supply that drifts.
+    /// So many samples at a rate, with a closure at a time: a square wave of 1 s that dies out, on a supply that
+    /// drifts.
     fn recording(samples: usize, rate_hz: f64, closure_s: f64) -> Recording {
         let mut dice = Gauss::new(1);
         let time_s: Vec<f64> = (0..samples).map(|i| i as f64 / rate_hz).collect();

@@ -89,8 +89,8 @@ pub struct Trend {
 }
 
 impl Trend {
-    /// Through points whose temperatures are known to `temperature_sd_k`: by the line's slope that adds to the error of a value
-    /// (effective variance, Orear 1982, Am. J. Phys. 50:912).
+    /// Through points whose temperatures are known to `temperature_sd_k`: by the line's slope that adds to the error of
+    /// a value (effective variance, Orear 1982, Am. J. Phys. 50:912).
     fn of(form: Form, points: &[Point], reference_degc: f64, temperature_sd_k: f64) -> Option<Trend> {
         let place = |p: &Point| abscissa(form, reference_degc, p.temperature_degc);
         let x: Vec<f64> = points.iter().map(place).collect();
@@ -230,7 +230,8 @@ fn moduli(pipe: &Pipe, members: &[Member], speeds: &[Point]) -> Result<Vec<Point
     speeds.iter().map(of).collect()
 }
 
-/// Young's modulus behind a wave speed, GPa, and how its logarithm depends on that of the wave speed: `2/(1 - (a/c)²)` by Korteweg's law.
+/// Young's modulus behind a wave speed, GPa, and how its logarithm depends on that of the wave speed: `2/(1 - (a/c)²)`
+/// by Korteweg's law.
 fn modulus(pipe: &Pipe, water: &WaterProperties, wave_speed_m_s: f64) -> Option<(f64, f64)> {
     let modulus_pa = pipe.youngs_modulus_for_wave_speed(water, wave_speed_m_s)?;
     Some((modulus_pa * 1e-9, 2.0 / (1.0 - (wave_speed_m_s / water.sound_speed_m_s()).powi(2))))

@@ -30,7 +30,8 @@ impl Verdict {
     }
 }
 
-/// F-test (Draper & Smith 1998, ch. 6) and Bayesian information criterion, both with the number of samples that would be as informative in white noise.
+/// F-test (Draper & Smith 1998, ch. 6) and Bayesian information criterion, both with the number of samples that would
+/// be as informative in white noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Comparison {
     /// Mean square a parameter saved, over that of the fits apart.
@@ -89,7 +90,8 @@ mod tests {
         Sums { apart: 1020.0, together: 1020.0 + more, samples: 1020, noise_per_parameter, apart_parameters: 20, saved }
     }
 
-    /// F0.01(4, 1000) is 3.338 (scipy 1.17, `f.isf(0.01, 4, 1000)` = 3.3380): more squares than 4 · 3.338 are more than noise.
+    /// F0.01(4, 1000) is 3.338 (scipy 1.17, `f.isf(0.01, 4, 1000)` = 3.3380): more squares than 4 · 3.338 are more than
+    /// noise.
     #[test]
     fn the_test_is_fishers() {
         let just = compare(&sums(1.02 * 4.0 * 3.33, 1.0, 4)).unwrap();

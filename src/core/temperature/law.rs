@@ -34,7 +34,8 @@ pub struct Laws {
     pub shift: Shift,
     /// Each run has a modulus of its own; otherwise `ln E0` is linear in the temperature.
     pub modulus_free: bool,
-    /// Compliances change with temperature, all by one factor whose logarithm is linear in it; otherwise they are the same in all runs.
+    /// Compliances change with temperature, all by one factor whose logarithm is linear in it; otherwise they are the
+    /// same in all runs.
     pub vertical: bool,
 }
 
@@ -192,7 +193,8 @@ impl<'a> LawModel<'a> {
         !self.kinds.iter().any(|k| matches!(k, Kind::Factor(_) | Kind::Modulus(_, Some(_))))
     }
 
-    /// The model's shared parameters at a temperature, of `run` where a law is free; then the moduli behind the wave speeds, GPa.
+    /// The model's shared parameters at a temperature, of `run` where a law is free; then the moduli behind the wave
+    /// speeds, GPa.
     pub fn shared(
         &self,
         values: &[f64],

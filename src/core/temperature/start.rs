@@ -1,4 +1,5 @@
-//! Where a joint fit starts: the laws' values by generalised least squares over the runs' own values with their covariances.
+//! Where a joint fit starts: the laws' values by generalised least squares over the runs' own values with their
+//! covariances.
 
 use nalgebra::{DMatrix, DVector};
 

@@ -18,7 +18,8 @@ pub(crate) const START_LIMITS: Limits =
     Limits { iterations: 300, cost_tolerance: 1e-10, step_tolerance: 1e-10, thorough: false };
 /// Least standard error of a variable: a run without noise must not weigh infinitely. Chosen.
 pub(crate) const LEAST_ERROR: f64 = 1e-6;
-/// Factor on correlations, so that two parameters that stand in for each other entirely leave their matrix regular. Chosen.
+/// Factor on correlations, so that two parameters that stand in for each other entirely leave their matrix regular.
+/// Chosen.
 pub(crate) const KEPT_CORRELATION: f64 = 0.9999;
 /// Of the fit of all runs together. Tuned; data unknown.
 pub(crate) const JOINT_LIMITS: Limits =

@@ -1,12 +1,13 @@
-//! A straight line through values of known errors, with 95% intervals (Draper & Smith, *Applied Regression Analysis*, 1998, ch. 1-2, 9).
+//! A straight line through values of known errors, with 95% intervals (Draper & Smith, *Applied Regression Analysis*,
+//! 1998, ch. 1-2, 9).
 
 use crate::temperature::thresholds::SCATTER_SIGNIFICANCE;
 use statrs::distribution::{ChiSquared, ContinuousCDF, Normal, StudentsT};
 
 /// `y = at_zero + slope x`.
 ///
-/// Where the values scatter about the line as their errors predict, the errors decide its intervals. Where they scatter more, by χ² at 5%,
-/// the scatter does, with Student's t of two degrees of freedom fewer than values.
+/// Where the values scatter about the line as their errors predict, the errors decide its intervals. Where they scatter
+/// more, by χ² at 5%, the scatter does, with Student's t of two degrees of freedom fewer than values.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Line {
     /// Value at x = 0.
@@ -88,7 +89,8 @@ mod tests {
     use super::*;
 
     /// With equal errors the weighted line is the plain one: here by scipy 1.17,
-    /// `linregress([0,10,20,30,40], [1,3.1,4.8,7.3,8.9])`: slope 0.2, intercept 1.02, standard error of the slope 0.00702377.
+    /// `linregress([0,10,20,30,40], [1,3.1,4.8,7.3,8.9])`: slope 0.2, intercept 1.02, standard error of the
+    /// slope 0.00702377.
     #[test]
     fn a_scattered_line_is_the_classical_one() {
         let (x, y) = ([0.0, 10.0, 20.0, 30.0, 40.0], [1.0, 3.1, 4.8, 7.3, 8.9]);

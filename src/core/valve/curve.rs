@@ -1,4 +1,5 @@
-//! How the valve of a fitted run closed, from the head measured before it, and how well simple laws describe that curve.
+//! How the valve of a fitted run closed, from the head measured before it, and how well simple laws describe that
+//! curve.
 
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
@@ -24,7 +25,8 @@ pub struct ValveClosure {
     pub curve: ValveCurve,
     /// The fitted model's closing time, s.
     pub fitted_closing_s: f64,
-    /// The time from nine tenths of the opening to one tenth, extended to the whole, s; none where the curve does not pass both.
+    /// The time from nine tenths of the opening to one tenth, extended to the whole, s; none where the curve does not
+    /// pass both.
     pub effective_closing_s: Option<f64>,
     /// Opening in two linear stages nearest to the curve.
     pub two_stage: TwoStage,
@@ -48,8 +50,8 @@ pub struct ValveLawChoice {
     pub two_stages: bool,
 }
 
-/// The fit of some effects with a linear valve, or with two stages where these remove most of its error; as given where a law is among the
-/// effects, or one that excludes it. `fitted` fits.
+/// The fit of some effects with a linear valve, or with two stages where these remove most of its error; as given where
+/// a law is among the effects, or one that excludes it. `fitted` fits.
 ///
 /// # Errors
 /// As `fitted`.

@@ -1,7 +1,9 @@
-//! How much a valve's curve, read back from the head before it, depends on the model of the pipe, and how well it describes the head.
+//! How much a valve's curve, read back from the head before it, depends on the model of the pipe, and how well it
+//! describes the head.
 //!
-//! The curve follows from the measured head by the characteristics of the fitted pipe: another wave speed or creep gives another curve from the same
-//! record. A law of two stages can follow such errors with three numbers, the curve with one for each time step.
+//! The curve follows from the measured head by the characteristics of the fitted pipe: another wave speed or creep
+//! gives another curve from the same record. A law of two stages can follow such errors with three numbers, the curve
+//! with one for each time step.
 
 use crate::fit::outcome::fit::Fit;
 use crate::fit::problem::error::FitError;
@@ -49,8 +51,8 @@ pub struct Shift {
     pub two_stage: TwoStage,
 }
 
-/// Reads the curve back again with wave speeds changed by 2% and by their standard errors, and with the creep changed by 20% and left out, where
-/// the model has any.
+/// Reads the curve back again with wave speeds changed by 2% and by their standard errors, and with the creep changed
+/// by 20% and left out, where the model has any.
 ///
 /// # Errors
 /// As [`read_back`]: the changed model cannot be simulated.
@@ -190,8 +192,8 @@ mod tests {
     /// Wave speed, creep, inflection.
     const TRUTH: [f64; 5] = [380.0, 0.12, 0.05, 0.4, 0.2];
 
-    /// From a record whose valve closes in two known stages in a pipe that creeps, the curve, its two stages and their times come back; a wrong
-    /// wave speed or creep moves them, the worse the more it is off.
+    /// From a record whose valve closes in two known stages in a pipe that creeps, the curve, its two stages and their
+    /// times come back; a wrong wave speed or creep moves them, the worse the more it is off.
     #[test]
     fn a_known_law_comes_back_and_owes_to_wave_speed_and_creep_what_is_said() {
         let rig = Rig::from_toml(HDPE, "rig.toml").unwrap();

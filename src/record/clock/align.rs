@@ -1,7 +1,8 @@
 //! Streams of several devices on one clock: that of the first device that has one of its own.
 //!
-//! Every device's clock is fitted against the host's ([`ClockFit`]); through the host each is set against the first one's, whose
-//! times stay as they are. A stretch ends where a device restarts: its clock began anew. A device that is asked (Modbus) is on the host's clock.
+//! Every device's clock is fitted against the host's ([`ClockFit`]); through the host each is set against the first
+//! one's, whose times stay as they are. A stretch ends where a device restarts: its clock began anew. A device that is
+//! asked (Modbus) is on the host's clock.
 
 use crate::record::clock::clock_line::{ClockFit, ClockLine};
 use crate::storage::ClockFix;
@@ -57,8 +58,8 @@ impl Stretch {
     }
 }
 
-/// What moves the times of each device's sensors to the clock of the first device with a clock of its own. Devices come with the names
-/// of their sensors, in the order of the rig.
+/// What moves the times of each device's sensors to the clock of the first device with a clock of its own. Devices come
+/// with the names of their sensors, in the order of the rig.
 pub fn fixes(devices: &[(Vec<String>, Vec<Stretch>)], own_clock: &[bool]) -> Vec<ClockFix> {
     let fitted = devices.iter().map(|(sensors, stretches)| {
         let lines = stretches.iter().filter_map(|stretch| Some((stretch, stretch.line()?)));
@@ -72,14 +73,16 @@ pub fn fixes(devices: &[(Vec<String>, Vec<Stretch>)], own_clock: &[bool]) -> Vec
         let (stretch, line) = stretches.first().filter(|(_, line)| line.is_real_time)?;
         Some(since_first(line.host_at(stretch.device_ns)))
     });
-    // The first device's times stay as they are, unless it is the earliest and what it sent first was late: the recording begins with a sample.
+    // The first device's times stay as they are, unless it is the earliest and what it sent first was late: the
+    // recording begins with a sample.
     let first_ns = (first.from_ns as f64).min(-begins.fold(0.0, f64::min));
     let recording_ns = |host_ns: f64| first_ns + since_first(host_ns);
     let mut fixes = Vec::new();
     for (sensors, stretches) in &devices {
         let mut end_ns = i64::MIN;
         for (stretch, line) in stretches {
-            // Of a clock that does not fit, as of a device that is played faster than in real time, nothing is known: its own times hold.
+            // Of a clock that does not fit, as of a device that is played faster than in real time, nothing is known:
+            // its own times hold.
             let (rate, to_ns) = if line.is_real_time && reference.is_real_time {
                 (line.rate / reference.rate, recording_ns(line.host_at(stretch.device_ns)).round() as i64)
             } else {
@@ -100,8 +103,8 @@ pub fn fixes(devices: &[(Vec<String>, Vec<Stretch>)], own_clock: &[bool]) -> Vec
 mod tests {
     use super::*;
 
-    /// A minute of a device, 100 frames a second, that began at the true time `begin_s` and whose clock runs fast by `drift`; logged
-    /// from `logged_s` on.
+    /// A minute of a device, 100 frames a second, that began at the true time `begin_s` and whose clock runs fast by
+    /// `drift`; logged from `logged_s` on.
     fn stretch(begin_s: f64, drift: f64, logged_s: f64, seed: u64) -> Stretch {
         let mut dice = fastrand::Rng::with_seed(seed);
         let device = |true_s: f64| (3e9 + (true_s - begin_s) * (1.0 + drift) * 1e9) as i64;

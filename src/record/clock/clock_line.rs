@@ -1,9 +1,10 @@
 //! A device's clock against the host's: the line below all arrivals.
 //!
-//! Bytes never arrive before they are sent, but often later. So the true relation of the clocks is the line that lies below every arrival
-//! and as near to them as it can: the edge of their lower convex hull over the mean device time minimises the sum of the distances
-//! (Moon, Skelly & Towsley 1999, "Estimation and removal of clock skew from network delay measurements", IEEE INFOCOM). A constant
-//! delay between sample and arrival cannot be seen; bursts of delay, however many and long, do no harm.
+//! Bytes never arrive before they are sent, but often later. So the true relation of the clocks is the line that lies
+//! below every arrival and as near to them as it can: the edge of their lower convex hull over the mean device time
+//! minimises the sum of the distances (Moon, Skelly & Towsley 1999, "Estimation and removal of clock skew from network
+//! delay measurements", IEEE INFOCOM). A constant delay between sample and arrival cannot be seen; bursts of delay,
+//! however many and long, do no harm.
 
 use crate::robust::{median, sd_about};
 
@@ -15,9 +16,9 @@ const FIRST_WIDTH_NS: i64 = 10_000_000;
 const SPAN_FOR_DRIFT_NS: i64 = 5_000_000_000;
 /// A drift is known where it is this many times its standard error, or where that is below [`SURE_DRIFT`].
 const DRIFT_ERRORS: f64 = 3.0;
-/// No quartz is further off than this: what shows more must be this many times its error, in so many of the pieces, and make more of a difference
-/// over the span, by this much, than half of the arrivals scatter and than a frame. For where a device's frames and a line that is asked for them
-/// in a rhythm of its own beat, delays slide by up to a frame.
+/// No quartz is further off than this: what shows more must be this many times its error, in so many of the pieces, and
+/// make more of a difference over the span, by this much, than half of the arrivals scatter and than a frame. For where
+/// a device's frames and a line that is asked for them in a rhythm of its own beat, delays slide by up to a frame.
 const QUARTZ_DRIFT: f64 = 1e-4;
 const LARGE_DRIFT: (f64, usize) = (10.0, 8);
 const LARGE_SLIDE: f64 = 2.0;
@@ -25,8 +26,8 @@ const LARGE_SLIDE: f64 = 2.0;
 const SURE_DRIFT: f64 = 2e-6;
 /// The span is cut into so many pieces, and the least delay of each looked at, to know how well the drift is known.
 const PIECES: usize = 16;
-/// A piece of which nothing came sooner after the line is late, and a half of which nothing did belongs to no stream in real time, unless the
-/// largest drift explains it, ns.
+/// A piece of which nothing came sooner after the line is late, and a half of which nothing did belongs to no stream in
+/// real time, unless the largest drift explains it, ns.
 const LATE_NS: f64 = 50e6;
 /// A burst is shorter than this, ns, and a piece of fewer arrivals says nothing.
 const SHORTEST_PIECE_NS: i64 = 1_000_000_000;
@@ -53,16 +54,17 @@ pub struct ClockLine {
     pub host_ns: f64,
     /// Host seconds a device second.
     pub rate: f64,
-    /// Whether the drift is the fit's; else the span was too short for the scatter of the arrivals, or the stream ran not in real time,
-    /// and the rate is 1.
+    /// Whether the drift is the fit's; else the span was too short for the scatter of the arrivals, or the stream ran
+    /// not in real time, and the rate is 1.
     pub drift_known: bool,
     /// How far the arrivals lie above the line, ns: their median, and the value that 95% do not exceed.
     pub residual_ns: (f64, f64),
-    /// False for a stream that is played faster or slower than in real time, or whose clock was set and nobody noticed: the line says nothing
-    /// of when its samples were taken. Bursts and stalls do no harm.
+    /// False for a stream that is played faster or slower than in real time, or whose clock was set and nobody noticed:
+    /// the line says nothing of when its samples were taken. Bursts and stalls do no harm.
     pub is_real_time: bool,
-    /// The least that a sixteenth of the time (a second at least) came late after the line, ns, for the worst of them, and the share of those
-    /// that came more than 50 ms late: bursts come on time with their ends, a clock that was set does not.
+    /// The least that a sixteenth of the time (a second at least) came late after the line, ns, for the worst of them,
+    /// and the share of those that came more than 50 ms late: bursts come on time with their ends, a clock that was set
+    /// does not.
     pub late: (f64, f64),
 }
 
@@ -80,7 +82,8 @@ impl Default for ClockFit {
 }
 
 impl ClockFit {
-    /// Takes an arrival: what was sent at `device_ns` came at `host_ns`. One from before the last, as a stamp that scatters, says nothing.
+    /// Takes an arrival: what was sent at `device_ns` came at `host_ns`. One from before the last, as a stamp that
+    /// scatters, says nothing.
     pub fn add(&mut self, device_ns: i64, host_ns: i64) {
         self.seen += 1;
         let (device_0, host_0) = *self.origin.get_or_insert((device_ns, host_ns));
@@ -159,8 +162,9 @@ fn residuals_ns(points: &[(i64, i64)], drift: f64) -> (f64, f64) {
     (share(0.5), share(0.95))
 }
 
-/// Whether a drift is known. Its standard error is that of a straight line through the least delays of as many pieces of the span, whose
-/// scatter is taken from their median distance to their median, so that a piece in which everything was late says nothing.
+/// Whether a drift is known. Its standard error is that of a straight line through the least delays of as many pieces
+/// of the span, whose scatter is taken from their median distance to their median, so that a piece in which everything
+/// was late says nothing.
 fn is_sure(points: &[(i64, i64)], drift: f64) -> bool {
     let (Some(first), Some(last)) = (points.first(), points.last()) else { return false };
     let mut least = least_delays(points, drift, PIECES);
@@ -214,7 +218,8 @@ fn lower_hull(points: &[(i64, i64)]) -> Vec<(i64, i64)> {
 mod tests {
     use super::*;
 
-    /// Arrivals of a device with a drift: each delayed at random (exponentially, 0.3 ms), one in `burst` by up to 200 ms.
+    /// Arrivals of a device with a drift: each delayed at random (exponentially, 0.3 ms), one in `burst` by up to 200
+    /// ms.
     fn arrivals(seconds: u32, drift: f64, burst: u32, seed: u64) -> ClockFit {
         let mut dice = fastrand::Rng::with_seed(seed);
         let mut fit = ClockFit::default();
@@ -243,7 +248,8 @@ mod tests {
         }
     }
 
-    /// Frames every 10 ms that come late by 4 ms on average, as over a busy USB hub: a few seconds cannot tell tens of millionths.
+    /// Frames every 10 ms that come late by 4 ms on average, as over a busy USB hub: a few seconds cannot tell tens of
+    /// millionths.
     fn late(seconds: i64, drift: f64, seed: u64) -> ClockLine {
         let mut dice = fastrand::Rng::with_seed(seed);
         let mut fit = ClockFit::default();

@@ -41,8 +41,8 @@ impl DeviceClock {
         DeviceClock { device_ns, recording_ns, last: None, anew: false, squeezed: 0 }
     }
 
-    /// The device's clock began anew: `device_ns` is now `recording_ns`, or just after the last sample where that is later.
-    /// Returns the recording time.
+    /// The device's clock began anew: `device_ns` is now `recording_ns`, or just after the last sample where that is
+    /// later. Returns the recording time.
     pub fn restart(&mut self, device_ns: i64, recording_ns: i64) -> i64 {
         self.recording_ns = recording_ns.max(self.end_ns());
         self.device_ns = device_ns;
@@ -77,8 +77,8 @@ impl DeviceClock {
 
     /// Places rows, `period_ns` apart, behind those before them.
     ///
-    /// The stamp holds. Where a frame begins before the last one ends its samples share the time that is left until its own end, so that
-    /// neither a stated period that is too long nor a stamp that was late once moves what comes later.
+    /// The stamp holds. Where a frame begins before the last one ends its samples share the time that is left until its
+    /// own end, so that neither a stated period that is too long nor a stamp that was late once moves what comes later.
     pub fn place(&mut self, device_ns: i64, period_ns: u32, rows: usize, missing: Missing) -> Placed {
         let period_ns = i64::from(period_ns);
         let stated_ns = period_ns.saturating_mul(rows as i64);
@@ -105,8 +105,8 @@ impl DeviceClock {
         placed
     }
 
-    /// Places one row of a device without a fixed period: only a known hole is a gap. `None` for a time that is not after the
-    /// last one.
+    /// Places one row of a device without a fixed period: only a known hole is a gap. `None` for a time that is not
+    /// after the last one.
     pub fn place_row(&mut self, device_ns: i64, hole: bool) -> Option<Placed> {
         let first_ns = self.at_ns(device_ns);
         let mut placed = Placed { first_ns, period_ns: 0.0, gap: None };

@@ -2,8 +2,8 @@
 
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
-/// A clock that shows an earlier day than this was never set: 2026-01-01, when this program was written, ns since 1970 UTC. Computers without a
-/// battery, such as a Raspberry Pi, begin in 1970.
+/// A clock that shows an earlier day than this was never set: 2026-01-01, when this program was written, ns since 1970
+/// UTC. Computers without a battery, such as a Raspberry Pi, begin in 1970.
 const NEVER_SET_BEFORE_NS: u64 = 1_767_225_600_000_000_000;
 
 /// The host's clock: runs evenly whatever happens to the time of day.

@@ -10,14 +10,15 @@ use crate::record::clock::clock_line::ClockLine;
 /// A device's clock against this computer's: the line below all arrivals.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ClockSummary {
-    /// How much faster the device's clock runs, millionths; `None` where the stream was too short for the scatter of its arrivals, or not in real time.
+    /// How much faster the device's clock runs, millionths; `None` where the stream was too short for the scatter of
+    /// its arrivals, or not in real time.
     pub drift_ppm: Option<f64>,
     /// How late after the line half of the arrivals came at most, ms.
     pub residual_median_ms: f64,
     /// How late 95% of them came at most, ms.
     pub residual_95_ms: f64,
-    /// The share of the time, in pieces of a second or more, of which nothing came within 50 ms of the line, and by how much the worst was
-    /// late, ms.
+    /// The share of the time, in pieces of a second or more, of which nothing came within 50 ms of the line, and by how
+    /// much the worst was late, ms.
     pub late_share: f64,
     /// See [`ClockSummary::late_share`].
     pub late_most_ms: f64,

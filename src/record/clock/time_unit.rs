@@ -1,4 +1,5 @@
-//! Whether a device's times are in the unit that they are taken for: against their arrival they then run at the right pace.
+//! Whether a device's times are in the unit that they are taken for: against their arrival they then run at the right
+//! pace.
 
 use crate::rig::TimeUnit;
 
@@ -6,7 +7,8 @@ use crate::rig::TimeUnit;
 const MOST: usize = 64;
 /// Two that are nearer to each other than this are one, ns; more where there are many.
 const FIRST_SPACING_NS: i64 = 1_000_000;
-/// The recorder judges no shorter stretch while the device goes on, ns: what was in a buffer when its port was opened comes at once.
+/// The recorder judges no shorter stretch while the device goes on, ns: what was in a buffer when its port was opened
+/// comes at once.
 const SHORTEST_NS: i64 = 2_000_000_000;
 /// Nor of fewer arrivals.
 const FEWEST: usize = 8;
@@ -28,8 +30,9 @@ pub enum Runs {
     Unknown,
     /// As fast as they arrive, as far as the arrivals tell.
     Evenly,
-    /// So many times as fast as they arrive, and by which factor that may be wrong. The mean of the pieces' paces, as powers of ten, is further from
-    /// 0 than chance puts it once in a thousand times (Student's t over the pieces), and than a clock may drift.
+    /// So many times as fast as they arrive, and by which factor that may be wrong. The mean of the pieces' paces, as
+    /// powers of ten, is further from 0 than chance puts it once in a thousand times (Student's t over the pieces), and
+    /// than a clock may drift.
     Off {
         /// Device seconds in one of ours.
         times: f64,
@@ -47,7 +50,8 @@ pub struct Pace {
 }
 
 impl Pace {
-    /// What the device sent at `device_ns` of its clock came at `host_ns` of ours; true where it is kept. A clock that goes back began anew.
+    /// What the device sent at `device_ns` of its clock came at `host_ns` of ours; true where it is kept. A clock that
+    /// goes back began anew.
     pub fn arrived(&mut self, device_ns: i64, host_ns: i64) -> bool {
         if self.points.last().is_some_and(|last| device_ns < last.1) {
             self.points.clear();
@@ -73,7 +77,8 @@ impl Pace {
         self.points.clear();
     }
 
-    /// The unit that the device's times are more likely in than the one they are read as; `is_over` where no more will come.
+    /// The unit that the device's times are more likely in than the one they are read as; `is_over` where no more will
+    /// come.
     pub fn likely(&self, read_as: TimeUnit, is_over: bool) -> Option<TimeUnit> {
         let (paces, piece_ns) = self.pieces()?;
         let is_known = match is_over {
@@ -106,8 +111,8 @@ impl Pace {
         }
     }
 
-    /// How many of our seconds pass in one of the device's, as a power of ten, in each of equal pieces of the time, and how long one is, ns. None
-    /// where one of them holds no arrival.
+    /// How many of our seconds pass in one of the device's, as a power of ten, in each of equal pieces of the time, and
+    /// how long one is, ns. None where one of them holds no arrival.
     fn pieces(&self) -> Option<(Vec<f64>, f64)> {
         let (first, last) = (self.points.first()?, self.points.last()?);
         let pieces = (self.points.len() - 1).min(PIECES);
@@ -193,7 +198,8 @@ mod tests {
         assert_eq!(pace.likely(TimeUnit::Microseconds, true), None);
     }
 
-    /// How a device whose clock is `times` as fast as ours runs that sends every `step_ms` for so long, each line up to `late_ms` late.
+    /// How a device whose clock is `times` as fast as ours runs that sends every `step_ms` for so long, each line up to
+    /// `late_ms` late.
     fn runs(step_ms: f64, lasts_s: f64, times: f64, late_ms: f64, seed: u64) -> Runs {
         let mut dice = fastrand::Rng::with_seed(seed);
         let (mut pace, mut before) = (Pace::default(), 0);

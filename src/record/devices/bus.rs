@@ -1,7 +1,8 @@
 //! A line with several Modbus slaves on it, such as RS-485: each one's poller sees the answers of its own slave only.
 //!
-//! One master asks and one slave at a time answers, but a late answer comes while another slave is asked. It says which unit it is of, so it
-//! is kept for that one's poller, which needs it to come back into step (see [`crate::record::devices::poll`]).
+//! One master asks and one slave at a time answers, but a late answer comes while another slave is asked. It says which
+//! unit it is of, so it is kept for that one's poller, which needs it to come back into step (see
+//! [`crate::record::devices::poll`]).
 
 use std::cell::RefCell;
 use std::io;
@@ -90,8 +91,8 @@ impl<L: Line> Bus<L> {
         }
     }
 
-    /// Puts what came into inboxes: whole answers into that of their unit, the rest of an answer under way and what is none into that of the
-    /// slave that is listened to.
+    /// Puts what came into inboxes: whole answers into that of their unit, the rest of an answer under way and what is
+    /// none into that of the slave that is listened to.
     fn sort(&mut self, listening: usize) {
         while let Some(&first) = self.pending.first() {
             let of = self.slaves.iter().position(|slave| slave.unit == first);

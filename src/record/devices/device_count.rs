@@ -14,7 +14,8 @@ pub struct DeviceCount {
     pub frames: u64,
     /// Damaged ones (check sum, length, text that does not parse), and answers that refuse.
     pub bad_frames: u64,
-    /// Missing ones: by the jumps of the sequence, where damaged ones are missing too; of polls, those without an answer.
+    /// Missing ones: by the jumps of the sequence, where damaged ones are missing too; of polls, those without an
+    /// answer.
     pub lost_frames: u64,
     /// Frames that came again and were dropped.
     pub duplicated_frames: u64,
@@ -39,7 +40,8 @@ pub struct DeviceCount {
     /// Standard deviation of its stamps, s, where they scatter by more than its samples are apart and are smoothed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stamps_scatter_s: Option<f64>,
-    /// How much longer than its frames say the time between its samples is by its stamps, s, and over how many s; zeros where they agree.
+    /// How much longer than its frames say the time between its samples is by its stamps, s, and over how many s; zeros
+    /// where they agree.
     #[serde(skip)]
     pub period_off_s: (f64, f64),
     /// How often its thread waited because the session did not keep up.
@@ -62,7 +64,8 @@ pub struct DeviceCount {
     pub said_more: Option<String>,
     /// Its clock against this computer's.
     pub clock: Option<ClockSummary>,
-    /// How many times as fast as they arrive its times run, and within which factor, where that is no clock's drift and no other unit.
+    /// How many times as fast as they arrive its times run, and within which factor, where that is no clock's drift and
+    /// no other unit.
     #[serde(skip)]
     pub off: Option<(f64, f64)>,
     /// Why polls of it fell out, and what to do.

@@ -1,7 +1,9 @@
-//! A line that sends back what is sent on it, as two-wire RS-485 adapters do that listen while they speak: what comes back is taken off.
+//! A line that sends back what is sent on it, as two-wire RS-485 adapters do that listen while they speak: what comes
+//! back is taken off.
 //!
-//! No slave answers a request to read registers with the request itself, so such a request that comes back gives the line away. Until then
-//! a returned echo request (function 8) looks like the slave's answer: see [`crate::record::devices::poll`] for what is done about that.
+//! No slave answers a request to read registers with the request itself, so such a request that comes back gives the
+//! line away. Until then a returned echo request (function 8) looks like the slave's answer: see
+//! [`crate::record::devices::poll`] for what is done about that.
 
 use std::io;
 use std::time::{Duration, Instant};

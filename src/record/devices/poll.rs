@@ -1,16 +1,19 @@
 //! Asking a Modbus slave, so that no answer is ever taken for another's.
 //!
-//! An answer does not say which registers it is of. One that comes after its time-out, or twice as from a gateway that asks again, would
-//! fit the next request for as many registers, and pressures would stand under a flow's name. So after anything but the answer asked for
-//! the line is *out of step*: it is drained to silence, then an echo with a number of its own is asked for, and only when that comes back
-//! (or its refusal) are registers read again. A slave answers in order, so nothing older can then be on its way.
+//! An answer does not say which registers it is of. One that comes after its time-out, or twice as from a gateway that
+//! asks again, would fit the next request for as many registers, and pressures would stand under a flow's name. So
+//! after anything but the answer asked for the line is *out of step*: it is drained to silence, then an echo with a
+//! number of its own is asked for, and only when that comes back (or its refusal) are registers read again. A slave
+//! answers in order, so nothing older can then be on its way.
 //!
-//! A second answer can still be on its way when all seems well. Where it would fit the next request, an echo is asked for between the two:
-//! one round trip more for requests of equal length next to each other, which [`crate::record::wire::registers::alternate`] makes as few as it can.
-//! Of the same registers asked for again a second answer is only older; there an echo once a second keeps it from staying so.
+//! A second answer can still be on its way when all seems well. Where it would fit the next request, an echo is asked
+//! for between the two: one round trip more for requests of equal length next to each other, which
+//! [`crate::record::wire::registers::alternate`] makes as few as it can. Of the same registers asked for again a second
+//! answer is only older; there an echo once a second keeps it from staying so.
 //!
 //! A slave that has never answered an echo leaves only silence to go by: ten time-outs of it, and two seconds at least,
-//! when out of step, and 20 ms between requests of equal length. A second answer later than that puts one value under a wrong name.
+//! when out of step, and 20 ms between requests of equal length. A second answer later than that puts one value under a
+//! wrong name.
 
 use std::io;
 use std::time::{Duration, Instant};
@@ -22,7 +25,8 @@ use crate::record::wire::registers::Group;
 const SILENCE: Duration = Duration::from_millis(20);
 /// The same registers are read for so long without an echo.
 const UNPROVEN: Duration = Duration::from_secs(1);
-/// A slave that does not know echoes and was silent for so many time-outs, and for so long, will not answer earlier requests any more.
+/// A slave that does not know echoes and was silent for so many time-outs, and for so long, will not answer earlier
+/// requests any more.
 const FORGOTTEN_TIMEOUTS: u32 = 10;
 const FORGOTTEN: Duration = Duration::from_millis(if cfg!(test) { 200 } else { 2000 });
 /// Another echo is asked for after so many time-outs: a slave that is slow already is not to be flooded.
@@ -72,7 +76,8 @@ pub struct PollCounts {
     pub skipped: u64,
     /// Requests that the line itself sent back.
     pub returned: u64,
-    /// Times that nothing but a long silence brought the line into step, because the slave has not answered an echo yet.
+    /// Times that nothing but a long silence brought the line into step, because the slave has not answered an echo
+    /// yet.
     pub unproven: u64,
 }
 
@@ -122,8 +127,8 @@ pub struct Poller<L> {
     in_step: bool,
     /// Numbers of the echoes asked for since the line fell out of step.
     echoes: Vec<u16>,
-    /// Echoes and refusals of them that may be on their way, now and when the line fell out of step; a refusal does not say which it
-    /// refuses.
+    /// Echoes and refusals of them that may be on their way, now and when the line fell out of step; a refusal does not
+    /// say which it refuses.
     owed_echoes: u32,
     owed_before: u32,
     /// Refusals since then.
@@ -243,7 +248,8 @@ impl<L: Line> Poller<L> {
         Ok(silent && self.stepped())
     }
 
-    /// True where the line has just been found to send back what is sent: the echoes so far were its own, and prove nothing.
+    /// True where the line has just been found to send back what is sent: the echoes so far were its own, and prove
+    /// nothing.
     fn loops_after_all(&mut self) -> bool {
         let found = !self.loops && self.line.returned() > 0;
         if found {

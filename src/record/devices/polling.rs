@@ -16,7 +16,8 @@ use crate::rig::{Device, Port, Protocol, Rig, Serial};
 /// How long the thread sleeps before it looks whether it is still wanted.
 const NAP: Duration = Duration::from_millis(50);
 
-/// A slave that has missed so many polls in a row takes no more of a line that it shares than a poll in so many time-outs.
+/// A slave that has missed so many polls in a row takes no more of a line that it shares than a poll in so many
+/// time-outs.
 const SILENT: u32 = 5;
 const SILENT_TIMEOUTS: u32 = 10;
 

@@ -83,7 +83,8 @@ impl SerialLine {
     }
 }
 
-/// Three and a half characters, of 11 bits each; above 19200 Bd the same for all speeds (Modbus over Serial Line V1.02, sec. 2.5.1.1).
+/// Three and a half characters, of 11 bits each; above 19200 Bd the same for all speeds (Modbus over Serial Line V1.02,
+/// sec. 2.5.1.1).
 fn silence(baud: u32) -> Duration {
     Duration::from_secs_f64(if baud > 19_200 { 1.75e-3 } else { 3.5 * 11.0 / f64::from(baud.max(1)) })
 }

@@ -1,8 +1,9 @@
-//! A device that is a process: its standard output is what the device sends, its standard error are messages for people.
+//! A device that is a process: its standard output is what the device sends, its standard error are messages for
+//! people.
 //!
-//! It leads a process group of its own: a Ctrl-C is not meant for it, and what it starts ends with it. It is asked to end (SIGTERM), and
-//! killed a while later. Beside it a shell waits for the end of a pipe whose other end only this program has: where this program is killed,
-//! that pipe closes, and the shell ends the group.
+//! It leads a process group of its own: a Ctrl-C is not meant for it, and what it starts ends with it. It is asked to
+//! end (SIGTERM), and killed a while later. Beside it a shell waits for the end of a pipe whose other end only this
+//! program has: where this program is killed, that pipe closes, and the shell ends the group.
 
 use std::io::{self, BufRead as _, BufReader, ErrorKind, Read, Write as _};
 use std::os::fd::AsFd as _;
@@ -51,7 +52,8 @@ impl Process {
     /// Starts the command in the rig file's folder; its messages go to the queue.
     ///
     /// # Errors
-    /// A rig without a folder; a program that is not there, that is not executable, or that the system refuses to start.
+    /// A rig without a folder; a program that is not there, that is not executable, or that the system refuses to
+    /// start.
     pub fn start(device: &str, command: &Command, queue: &Queue) -> Result<Process, RecordError> {
         let (program, folder) = located(device, command)?;
         let mut process = std::process::Command::new(&program);
@@ -169,7 +171,8 @@ pub fn check(device: &str, command: &Command) -> Result<(), RecordError> {
     Err(refusal(device, command, &folder, &kind.into()))
 }
 
-/// The program and the folder to start it in. A program with a slash in its name is found from that folder, any other on the PATH.
+/// The program and the folder to start it in. A program with a slash in its name is found from that folder, any other
+/// on the PATH.
 fn located(device: &str, command: &Command) -> Result<(PathBuf, PathBuf), RecordError> {
     let Some(folder) = &command.folder else {
         return Err(RecordError::Homeless { device: device.to_owned(), command: command.to_string() });
@@ -209,7 +212,8 @@ fn refusal(device: &str, command: &Command, folder: &Path, error: &io::Error) ->
     }
 }
 
-/// Passes on what a process says, line by line, until it says no more or nobody listens. It is always read, for else the process would wait.
+/// Passes on what a process says, line by line, until it says no more or nobody listens. It is always read, for else
+/// the process would wait.
 fn pass_on(messages: ChildStderr, queue: &Queue) {
     let mut messages = BufReader::new(messages);
     let mut line = Vec::new();

@@ -1,4 +1,5 @@
-//! What a device's bytes are read from: a serial port, a socket or a process, whichever the rig file names. All can be opened again.
+//! What a device's bytes are read from: a serial port, a socket or a process, whichever the rig file names. All can be
+//! opened again.
 
 use std::io::Read;
 
@@ -10,7 +11,8 @@ use crate::record::devices::socket::Socket;
 use crate::record::error::RecordError;
 use crate::rig::{Command, Device, Port};
 
-/// Reads return within a moment: a timeout is no end. At the end comes an error that says why, or 0 where the device is done for good.
+/// Reads return within a moment: a timeout is no end. At the end comes an error that says why, or 0 where the device is
+/// done for good.
 pub(crate) type Reader = Box<dyn Read + Send>;
 
 /// Opens what a device is read from; its messages for people go to the queue.

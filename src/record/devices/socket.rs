@@ -13,8 +13,8 @@ use crate::record::error::RecordError;
 
 /// How long a name may take to be found, and a device to answer.
 const CONNECT_WITHIN: Duration = Duration::from_secs(3);
-/// A device that loses its power, or its cable, says no farewell. One that sends nothing for so long is asked by the system whether it is
-/// there, and given up after so many questions without an answer: in 4 s.
+/// A device that loses its power, or its cable, says no farewell. One that sends nothing for so long is asked by the
+/// system whether it is there, and given up after so many questions without an answer: in 4 s.
 const ASKED_AFTER: Duration = Duration::from_secs(1);
 const ASKED_EVERY: Duration = Duration::from_secs(1);
 #[cfg(unix)]

@@ -1,8 +1,8 @@
 //! Reads the devices: one thread per port, socket or process (Modbus slaves may share one), all into one bounded queue.
 //!
-//! A blocking thread hands bytes on in 0.1 ms where an async serial port on a busy runtime needs 8 ms. Where the queue is full (the disk
-//! stalls) a thread waits, and how often and how long is counted; then the kernel's buffer may overflow, and
-//! sequence numbers and times show what was lost. Memory does not grow.
+//! A blocking thread hands bytes on in 0.1 ms where an async serial port on a busy runtime needs 8 ms. Where the queue
+//! is full (the disk stalls) a thread waits, and how often and how long is counted; then the kernel's buffer may
+//! overflow, and sequence numbers and times show what was lost. Memory does not grow.
 
 use std::io::{ErrorKind, Read};
 use std::sync::Arc;
@@ -38,7 +38,8 @@ pub struct Sources {
 }
 
 impl Sources {
-    /// Opens the ports of the devices and starts to listen, or to ask; slaves on one line come one after the other. A port that vanishes later is tried again where `reopen` says so.
+    /// Opens the ports of the devices and starts to listen, or to ask; slaves on one line come one after the other. A
+    /// port that vanishes later is tried again where `reopen` says so.
     pub fn open(rig: &Rig, devices: &[Device], reopen: bool) -> Result<Sources, RecordError> {
         let (mut sources, sender) = Sources::empty();
         for (index, device) in devices.iter().enumerate() {
@@ -156,8 +157,8 @@ impl Drop for Sources {
     }
 }
 
-/// Reads until the stream ends; then the device is opened again where that is wanted. Not so a command that is done, or that failed before
-/// it ever sent anything: that fails again.
+/// Reads until the stream ends; then the device is opened again where that is wanted. Not so a command that is done, or
+/// that failed before it ever sent anything: that fails again.
 fn pump(mut reader: Reader, device: &Device, reopen: bool, queue: &Queue) {
     let is_command = device.port.command().is_some();
     let mut ever_sent = false;

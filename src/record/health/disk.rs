@@ -6,7 +6,8 @@ use std::time::{Duration, Instant};
 use crate::record::health::snapshot::Disk;
 
 const LOOK_EVERY: Duration = Duration::from_secs(1);
-/// Weight of the last second in the rate: chunks are written by the hundredth of a second, shots begin with a heap of them.
+/// Weight of the last second in the rate: chunks are written by the hundredth of a second, shots begin with a heap of
+/// them.
 const NEWEST: f64 = 0.3;
 
 /// Looks at a growing file and its disk.

@@ -12,7 +12,8 @@ use crate::rig::{Rig, TimeUnit};
 /// How often the sensors are judged, ns of recorded time; of the wall clock where no time passes.
 const JUDGE_EVERY_NS: i64 = 200_000_000;
 const JUDGE_EVERY: Duration = Duration::from_millis(200);
-/// An alert is over when it was not seen for so long, ns: a sensor that saturates at each peak of a surge gives one alert.
+/// An alert is over when it was not seen for so long, ns: a sensor that saturates at each peak of a surge gives one
+/// alert.
 const OVER_AFTER_NS: i64 = 3_000_000_000;
 /// Alerts that are kept; more than these come from a chattering contact.
 const MOST: usize = 200;
@@ -211,8 +212,8 @@ impl Monitor {
 }
 
 impl Watched {
-    /// Notes whether something has come, and says whether nothing has for too long. A pause that the sensor has made by itself, without
-    /// a gap, is its way.
+    /// Notes whether something has come, and says whether nothing has for too long. A pause that the sensor has made by
+    /// itself, without a gap, is its way.
     fn is_silent(&mut self, moment: Instant) -> bool {
         let (samples, gaps, at) = self.last_seen;
         let since = moment.saturating_duration_since(at);

@@ -1,7 +1,9 @@
-//! How one sensor does: its last seconds in bins, of which each sample only moves a few sums. Times are the recording's.
+//! How one sensor does: its last seconds in bins, of which each sample only moves a few sums. Times are the
+//! recording's.
 //!
-//! *Noise* is what moves faster than the pipe can: the scatter about a straight line in stretches that are short against the pipe's period,
-//! the median over the last of them, so that neither a surge nor its fronts are taken for noise.
+//! *Noise* is what moves faster than the pipe can: the scatter about a straight line in stretches that are short
+//! against the pipe's period, the median over the last of them, so that neither a surge nor its fronts are taken for
+//! noise.
 
 use std::collections::VecDeque;
 

@@ -88,7 +88,8 @@ pub struct Packet {
     pub zero_unix_ns: u64,
     /// In the order in which it was recorded.
     pub events: Vec<Event>,
-    /// Samples of each channel since the beginning, by [`Channel::index`], with those of this packet: what a watcher has missed shows in it.
+    /// Samples of each channel since the beginning, by [`Channel::index`], with those of this packet: what a watcher
+    /// has missed shows in it.
     pub totals: Vec<u64>,
 }
 

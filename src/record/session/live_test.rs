@@ -22,8 +22,8 @@ use crate::storage::Retimer;
 
 /// How long the session waits for input before it looks at the clock and the stop flag, and flushes.
 const WAIT: Duration = Duration::from_millis(10);
-/// When the user stops, what came until so much later is recorded, ns, but for no longer than this: a disk that stands still does not keep
-/// the program from its end.
+/// When the user stops, what came until so much later is recorded, ns, but for no longer than this: a disk that stands
+/// still does not keep the program from its end.
 const ON_ITS_WAY_NS: i64 = 10_000_000;
 const MOST_WAITING: Duration = Duration::from_secs(2);
 /// How often the relation of the clocks is written to the log.
@@ -60,7 +60,8 @@ pub fn live_devices(rig: &Rig, ports: &[(String, String)]) -> Result<Vec<Device>
     Ok(devices)
 }
 
-/// Modbus slaves share a line where each has a number of its own; nothing else shares a port. A command may be started twice.
+/// Modbus slaves share a line where each has a number of its own; nothing else shares a port. A command may be started
+/// twice.
 fn check_shared(first: &Device, second: &Device) -> Result<(), RecordError> {
     let (one, other) = match (&first.port, &second.port) {
         (Port::Serial(one), Port::Serial(other)) if one.path == other.path => (one.speed(), other.speed()),
@@ -80,8 +81,8 @@ fn check_shared(first: &Device, second: &Device) -> Result<(), RecordError> {
     }
 }
 
-/// Records what `sources` send until the duration is reached, `stop` is set or the streams end. The file is created with the
-/// first valid sample: devices that never speak leave nothing behind.
+/// Records what `sources` send until the duration is reached, `stop` is set or the streams end. The file is created
+/// with the first valid sample: devices that never speak leave nothing behind.
 pub fn record(
     rig: &Rig,
     sources: &Sources,
@@ -151,7 +152,8 @@ fn take(device: usize, input: Input, streams: &mut [Stream<'_>], live: &mut Live
     end_by_duration(at_ns.unwrap_or(i64::MIN), streams, live)
 }
 
-/// Ends the part of devices that have recorded for the duration, at a time on the host's clock. Their clocks as they are known now decide.
+/// Ends the part of devices that have recorded for the duration, at a time on the host's clock. Their clocks as they
+/// are known now decide.
 fn end_by_duration(host_ns: i64, streams: &mut [Stream<'_>], live: &mut Live<'_>) -> Result<(), RecordError> {
     let (now_ns, end_ns) = (live.recording_ns(host_ns), live.end_ns);
     let is_through = |stream: &Stream<'_>| stream.state == State::Open && stream.timing.is_through(end_ns, now_ns);
@@ -198,7 +200,8 @@ fn write_clocks(live: &mut Live<'_>, streams: &mut [Stream<'_>]) -> Result<(), R
     live.write_clocks(fixes, || streams.iter().flat_map(|stream| count::clock_notes(stream, several)).collect())
 }
 
-/// Writes the relation of the clocks to the log, when it is `due` or wanted, and flushes. Returns why the recording ends, if it does.
+/// Writes the relation of the clocks to the log, when it is `due` or wanted, and flushes. Returns why the recording
+/// ends, if it does.
 fn keep_up(due: bool, streams: &mut [Stream<'_>], live: &mut Live<'_>) -> Result<Option<&'static str>, RecordError> {
     let several = streams.len() > 1 || streams.iter().any(|stream| stream.timing.stretches.len() > 1);
     if several && (live.take_clocks_changed() || due || live.output()?.wants_clocks()) {
@@ -250,8 +253,9 @@ fn finish(
     write_clocks(&mut live, streams)?;
     let all_shots = live.output()?.is_over();
     let by_user = ended == BY_USER;
-    // A device that falls silent while another goes on owes what it did not send. Where nothing comes any more that is the streams' end,
-    // whether the session waited it out or the user was faster; of a duration asked for, what did not come until then is owed.
+    // A device that falls silent while another goes on owes what it did not send. Where nothing comes any more that is
+    // the streams' end, whether the session waited it out or the user was faster; of a duration asked for, what did not
+    // come until then is owed.
     let (now, last) = (Instant::now(), streams.iter().map(|stream| stream.timing.last_message).max());
     let last = last.unwrap_or(now);
     let last_sent = streams.iter().map(|stream| stream.timing.sent_by()).max().unwrap_or(now);
@@ -264,8 +268,8 @@ fn finish(
         .enumerate()
         .map(|(index, stream)| {
             let mut count = count::count(stream, sources.waited(index));
-            // What ended before the duration, vanished for good or never spoke owes what it did not send; a device that ends by
-            // itself, or that the user stops, does not.
+            // What ended before the duration, vanished for good or never spoke owes what it did not send; a device that
+            // ends by itself, or that the user stops, does not.
             // That it had reached the end was by its clock as it was known then.
             let runs = stream.timing.runs();
             let came = match runs {

@@ -181,8 +181,8 @@ impl Output {
         self.write(|writer| writer.clocks(fixes)).map(drop)
     }
 
-    /// Of a sensor, only what lies from one time to another on the recording's clock is kept, ns; the recording as a whole ends at
-    /// `until_ns`.
+    /// Of a sensor, only what lies from one time to another on the recording's clock is kept, ns; the recording as a
+    /// whole ends at `until_ns`.
     pub fn keep(&mut self, sensor: usize, from_ns: i64, to_ns: i64, until_ns: i64) {
         self.writer.keep(sensor, from_ns, to_ns);
         self.until_ns = until_ns;

@@ -66,7 +66,8 @@ impl Recorder {
         Ok(())
     }
 
-    /// Takes a gap at the end of a sensor, of whose device nothing came any more; a shot looks for itself what it lacks.
+    /// Takes a gap at the end of a sensor, of whose device nothing came any more; a shot looks for itself what it
+    /// lacks.
     pub fn never_came(&mut self, sensor: usize, gap: Gap) -> Result<(), RecordError> {
         match &mut self.to {
             Destination::Whole(output) => output.gap(sensor, gap)?,

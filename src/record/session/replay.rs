@@ -1,4 +1,5 @@
-//! A recording, or an imported CSV, played as if it were live: its samples and gaps, at their own times, at a chosen pace.
+//! A recording, or an imported CSV, played as if it were live: its samples and gaps, at their own times, at a chosen
+//! pace.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -19,9 +20,9 @@ use crate::storage::{ImportOptions, import_csv_with};
 /// How much recorded time is written at once.
 const STEP_NS: i64 = 20_000_000;
 
-/// Reads what is to be played: a recording, or else a CSV, which needs the rig. Where a rig is given it is the one played
-/// on, and each sensor that has samples must be one of its sensors, in the same unit. `without` names the sensors that
-/// have no column in the CSV.
+/// Reads what is to be played: a recording, or else a CSV, which needs the rig. Where a rig is given it is the one
+/// played on, and each sensor that has samples must be one of its sensors, in the same unit. `without` names the
+/// sensors that have no column in the CSV.
 pub fn load(path: &Path, rig: Option<&Rig>, without: &[String]) -> Result<Recording, RecordError> {
     let csv = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("csv"));
     let columns = ImportOptions { without: without.to_vec(), ..ImportOptions::default() };

@@ -38,7 +38,8 @@ pub(crate) struct Share {
     owed: bool,
     /// Nothing of them is in the shot.
     absent: bool,
-    /// The last sample that was left out before it, the first and the last that were written, and the first left out behind it.
+    /// The last sample that was left out before it, the first and the last that were written, and the first left out
+    /// behind it.
     before: Option<i64>,
     written: Option<(i64, i64)>,
     behind: Option<i64>,
@@ -53,8 +54,8 @@ impl Share {
     }
 }
 
-/// A shot that is being written. Samples are cut by the clocks as they were known when they came, with a margin where these may still move;
-/// what the finished file keeps is cut by the clocks as they are known in the end.
+/// A shot that is being written. Samples are cut by the clocks as they were known when they came, with a margin where
+/// these may still move; what the finished file keeps is cut by the clocks as they are known in the end.
 pub(crate) struct Open {
     pub(crate) output: Output,
     /// Its bounds on the recording's clock, ns.
@@ -177,9 +178,11 @@ impl Open {
         (0..self.shares.len()).filter(|&sensor| self.shares[sensor].absent)
     }
 
-    /// Notes what is missing where the shot ends with what has come by now, of the sensors `progress`, which have `clocks`: a gap for each that
-    /// is behind the trigger's, that began within the shot or has not spoken at all though a device was to send it, or was cut where by the
-    /// clocks as they are known now it should not have been; and, where the trigger's is behind too, that it is cut short. Says in that case how much of the time after it fired is kept, s.
+    /// Notes what is missing where the shot ends with what has come by now, of the sensors `progress`, which have
+    /// `clocks`: a gap for each that is behind the trigger's, that began within the shot or has not spoken at all
+    /// though a device was to send it, or was cut where by the clocks as they are known now it should not have been;
+    /// and, where the trigger's is behind too, that it is cut short. Says in that case how much of the time after it
+    /// fired is kept, s.
     pub(crate) fn close(
         &mut self,
         progress: &[Option<Progress>],

@@ -1,7 +1,7 @@
 //! A recording a shot: what a trigger cuts out of a stream, each shot in a file of its own.
 //!
-//! The last seconds of every sensor are kept in memory. When the trigger fires they go into a new file, what comes after them follows until
-//! the shot is over; then the trigger settles for the next one.
+//! The last seconds of every sensor are kept in memory. When the trigger fires they go into a new file, what comes
+//! after them follows until the shot is over; then the trigger settles for the next one.
 
 pub(crate) mod kept;
 pub(crate) mod name;
@@ -68,7 +68,8 @@ pub struct Shots {
     /// Why shots could not be written, and why the last one was not written to its end.
     lost: Vec<String>,
     refused: Option<String>,
-    /// How the devices' clocks lie to each other, as well as it is known by now, and what that makes of each sensor's times.
+    /// How the devices' clocks lie to each other, as well as it is known by now, and what that makes of each sensor's
+    /// times.
     clocks: Vec<ClockFix>,
     /// What is known of the devices' clocks by now.
     clock_notes: Vec<(String, String)>,
@@ -76,8 +77,8 @@ pub struct Shots {
 }
 
 impl Shots {
-    /// No shot yet; `run` is what is known of the session, `expected` are the sensors that will come. A device that is behind the trigger's
-    /// by more than `silence` is not waited for.
+    /// No shot yet; `run` is what is known of the session, `expected` are the sensors that will come. A device that is
+    /// behind the trigger's by more than `silence` is not waited for.
     pub fn new(plan: Plan, rig: &Rig, run: &RunInfo, expected: &[Expected], silence: Duration) -> Shots {
         let sensors = rig.sensors.len();
         let silence_ns = i64::try_from(silence.as_nanos()).unwrap_or(i64::MAX);
@@ -125,8 +126,8 @@ impl Shots {
         Ok(())
     }
 
-    /// The trigger's sensor has come past the shot's end, and every other one too, or it is no longer waited for: nor is one of which nothing
-    /// has come at all, as where the first line of a slow device is held back until the second.
+    /// The trigger's sensor has come past the shot's end, and every other one too, or it is no longer waited for: nor
+    /// is one of which nothing has come at all, as where the first line of a slow device is held back until the second.
     fn is_complete(&self, open: &Open) -> bool {
         let Some(trigger_ns) = self.come_ns(self.plan.sensor).filter(|come_ns| *come_ns >= open.to_ns) else {
             return false;
@@ -306,7 +307,8 @@ impl Shots {
         match open.output.finish(0, |sensor| listed[sensor], Vec::new(), ended.to_owned()) {
             Ok(mut summary) => {
                 if summary.data_lost {
-                    // The disk refused what came later: what is in the file counts; the reason comes with the end of the session.
+                    // The disk refused what came later: what is in the file counts; the reason comes with the end of
+                    // the session.
                     kept_s = Some((summary.duration_s - seconds(open.fired_ns - open.from_ns)).max(0.0));
                     let why = summary.ended.strip_prefix(ended).unwrap_or_default().trim_start_matches(['.', ' ']);
                     self.refused = Some(format!("{file}: {why}"));
@@ -328,8 +330,8 @@ impl Shots {
         Ok(())
     }
 
-    /// What of a sensor is needed for shots to come: by how far the trigger's own sensor has come, or where that stays away by how far its
-    /// own has; for lack of memory, that stays away not at all.
+    /// What of a sensor is needed for shots to come: by how far the trigger's own sensor has come, or where that stays
+    /// away by how far its own has; for lack of memory, that stays away not at all.
     fn needed(&self, sensor: usize) -> Needed {
         let before_ns = self.plan.trigger.pre_ns.saturating_add(LATE_NS);
         let trigger_ns = self.come_ns(self.plan.sensor).unwrap_or(i64::MIN);

@@ -30,7 +30,8 @@ pub use crate::record::session::stream::timing::ON_ITS_WAY;
 /// Records what came.
 ///
 /// # Errors
-/// What makes a recording impossible before it has begun: a sensor on a column that the device lacks. Later it ends this device's part.
+/// What makes a recording impossible before it has begun: a sensor on a column that the device lacks. Later it ends
+/// this device's part.
 pub fn take(stream: &mut Stream<'_>, input: Input, live: &mut Live<'_>) -> Result<(), RecordError> {
     match input {
         Input::Bytes { at_ns, bytes } => {

@@ -1,5 +1,5 @@
-//! When a shot begins and when it is over: by the edge of the valve's command, by a level, or by a slope. No clock and no file in it:
-//! it is fed with the samples of its sensor and says what they mean.
+//! When a shot begins and when it is over: by the edge of the valve's command, by a level, or by a slope. No clock and
+//! no file in it: it is fed with the samples of its sensor and says what they mean.
 
 use crate::storage::layout::offset_ns;
 
@@ -14,8 +14,8 @@ pub enum Condition {
     Slope(f64),
 }
 
-/// The stretch over which a slope is taken, ns: long against a sample's noise, short against a closure. At least from one sample to the
-/// next.
+/// The stretch over which a slope is taken, ns: long against a sample's noise, short against a closure. At least from
+/// one sample to the next.
 pub const SLOPE_SPAN_NS: i64 = 20_000_000;
 
 /// What a trigger does.
@@ -43,7 +43,8 @@ pub enum Event {
 /// How a trigger stands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum State {
-    /// Waits until the condition has not been met for long enough: seen quiet for so long by now, ns. Gaps count for nothing.
+    /// Waits until the condition has not been met for long enough: seen quiet for so long by now, ns. Gaps count for
+    /// nothing.
     Settling(i64),
     /// It may fire.
     Armed,
@@ -80,7 +81,8 @@ impl Trigger {
         self.state
     }
 
-    /// How often the valve's command switched while the trigger settled, between shots or before the first: no shot shows it.
+    /// How often the valve's command switched while the trigger settled, between shots or before the first: no shot
+    /// shows it.
     pub fn unheeded_edges(&self) -> usize {
         self.unheeded
     }
@@ -114,7 +116,8 @@ impl Trigger {
         }
     }
 
-    /// Samples are missing. What was armed stays so, and what the valve, a level or a slope did meanwhile shows in the next sample.
+    /// Samples are missing. What was armed stays so, and what the valve, a level or a slope did meanwhile shows in the
+    /// next sample.
     pub fn gap(&mut self) {
         self.newest_ns = None;
     }
@@ -223,13 +226,15 @@ mod tests {
         assert_eq!(trigger.unheeded_edges(), 0);
     }
 
-    /// Within a shot it is on record, where the trigger settles it is not; a level that the ringing reaches again and again is no closure.
+    /// Within a shot it is on record, where the trigger settles it is not; a level that the ringing reaches again and
+    /// again is no closure.
     #[test]
     fn edges_that_make_no_shot_are_counted() {
         let count = |condition| {
             let mut trigger = Trigger::new(Settings { condition, pre_ns: 10 * MS, post_ns: 20 * MS });
             let mut events = Vec::new();
-            // at 5 while it settles, at 30 it fires, at 40 within the shot, at 51 just behind it, at 55 while it settles again
+            // at 5 while it settles, at 30 it fires, at 40 within the shot, at 51 just behind it, at 55 while it
+            // settles again
             let command = steps(&[(5, 0.0), (25, 1.0), (10, 0.0), (11, 1.0), (4, 0.0), (60, 1.0)]);
             trigger.feed(0, 1e6, &command, &mut events);
             (events.iter().filter(|e| matches!(e, Event::Fired(_))).count(), trigger.unheeded_edges())
@@ -238,8 +243,9 @@ mod tests {
         assert_eq!(count(Condition::Level(0.9)).1, 0);
     }
 
-    /// Where the mean slope across what is missing is as steep as asked for, the slope itself was, somewhere in it (mean value theorem): a
-    /// front in a damaged frame is a closure all the same. A slow rise in a long gap is none, though its step is as high.
+    /// Where the mean slope across what is missing is as steep as asked for, the slope itself was, somewhere in it
+    /// (mean value theorem): a front in a damaged frame is a closure all the same. A slow rise in a long gap is none,
+    /// though its step is as high.
     #[test]
     fn a_level_and_a_slope_are_compared_across_a_gap() {
         let found = |condition, next_ms| {

@@ -44,7 +44,8 @@ impl Decoder {
         self.resequencer.stamps_scatter_s()
     }
 
-    /// How much longer the device's frames are by its stamps than they say, and the time over which that was seen, s; 0 where jitter may be all.
+    /// How much longer the device's frames are by its stamps than they say, and the time over which that was seen, s; 0
+    /// where jitter may be all.
     pub fn period_off_s(&self) -> (f64, f64) {
         self.resequencer.period_off_s()
     }
@@ -60,7 +61,8 @@ impl Decoder {
         self.resequencer.finish(events);
     }
 
-    /// Takes the next bytes of the stream, which arrived at `at_ns` on any clock, and appends what they complete to `events`.
+    /// Takes the next bytes of the stream, which arrived at `at_ns` on any clock, and appends what they complete to
+    /// `events`.
     pub fn feed(&mut self, at_ns: i64, mut bytes: &[u8], events: &mut Vec<Event>) {
         while let Some(piece) = self.pieces.next(at_ns, &mut bytes) {
             let began_ns = piece.began_ns;

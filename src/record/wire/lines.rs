@@ -1,9 +1,10 @@
-//! The `lines` wire protocol: text lines `t_us,v0,v1,…` to rows of values, without any I/O. The time may be in another unit, and then be a
-//! decimal number; it is good to a microsecond.
+//! The `lines` wire protocol: text lines `t_us,v0,v1,…` to rows of values, without any I/O. The time may be in another
+//! unit, and then be a decimal number; it is good to a microsecond.
 //!
-//! Lines carry neither a check sum nor a number. How many values a line has is what the first two of one width agree on; until then
-//! they are held back. One that does not parse, or has another width, is counted and kept out; a missing one shows in the times only. A
-//! time that jumps is believed when the next line confirms it. A line from the past is dropped: it came again, or else it is lost.
+//! Lines carry neither a check sum nor a number. How many values a line has is what the first two of one width agree
+//! on; until then they are held back. One that does not parse, or has another width, is counted and kept out; a missing
+//! one shows in the times only. A time that jumps is believed when the next line confirms it. A line from the past is
+//! dropped: it came again, or else it is lost.
 
 use std::collections::VecDeque;
 
@@ -24,8 +25,8 @@ const RECENT: usize = 64;
 const STEPS: usize = 16;
 /// Steps needed before a jump differs from the device's own rhythm.
 const ENOUGH_STEPS: usize = 3;
-/// No step across the wrap of a counter is longer than this part of its reach: beyond, it is rather a time that was damaged before a rhythm
-/// was known.
+/// No step across the wrap of a counter is longer than this part of its reach: beyond, it is rather a time that was
+/// damaged before a rhythm was known.
 const MOST_WRAPPED: u64 = 16;
 /// Device times beyond this, µs, would not fit the recording's i64 nanoseconds.
 const MAX_DEVICE_US: u64 = (i64::MAX / 2000) as u64;
@@ -64,7 +65,8 @@ pub enum Event {
 pub struct LineCounts {
     /// Lines taken.
     pub lines: u64,
-    /// Lines that did not parse, were too long, had another number of values, an unconfirmed time, or one from the past for other values.
+    /// Lines that did not parse, were too long, had another number of values, an unconfirmed time, or one from the past
+    /// for other values.
     pub bad: u64,
     /// Lines that came again, dropped.
     pub stale: u64,
@@ -119,14 +121,16 @@ impl Decoder {
         self.counts
     }
 
-    /// Where lines came that are bad for the decimals of their times alone: the unit that these are likely in, by their pace, if it is one of ours.
+    /// Where lines came that are bad for the decimals of their times alone: the unit that these are likely in, by their
+    /// pace, if it is one of ours.
     pub fn decimal_times(&self) -> Option<Option<TimeUnit>> {
         let [first, last] = self.decimal?;
         let unit_s = (last.1 - first.1) as f64 / 1e9 / (last.0 - first.0);
         Some(TimeUnit::ALL.into_iter().find(|unit| (unit_s / unit.seconds()).log10().abs() < 0.5))
     }
 
-    /// Takes the next bytes of the stream, which arrived at `at_ns` on any clock, and appends what they complete to `events`.
+    /// Takes the next bytes of the stream, which arrived at `at_ns` on any clock, and appends what they complete to
+    /// `events`.
     pub fn feed(&mut self, at_ns: i64, mut bytes: &[u8], events: &mut Vec<Event>) {
         while let Some(piece) = self.pieces.next(at_ns, &mut bytes) {
             let began_ns = piece.began_ns;
@@ -161,7 +165,8 @@ impl Decoder {
         self.hole |= self.steps.len() < ENOUGH_STEPS;
     }
 
-    /// Another stream begins, which we hear from its first byte on: its clock begins anew. How many values a line has stays.
+    /// Another stream begins, which we hear from its first byte on: its clock begins anew. How many values a line has
+    /// stays.
     pub fn begin_anew(&mut self) {
         self.drop_stale();
         self.counts.bad += (self.held.len() + usize::from(self.doubtful.is_some())) as u64;
@@ -211,8 +216,8 @@ impl Decoder {
         }
     }
 
-    /// A time that goes on where a counter of 32 bits wraps: from the last line, or from one behind a jump, which may stand on either side. Few lines
-    /// are lost there: after more it is rather a device that restarted.
+    /// A time that goes on where a counter of 32 bits wraps: from the last line, or from one behind a jump, which may
+    /// stand on either side. Few lines are lost there: after more it is rather a device that restarted.
     fn unwrapped(&mut self, time_us: u64) -> u64 {
         let time_us = time_us + self.wrapped_us;
         let wrap_us = wrap_us(self.unit);
@@ -314,7 +319,8 @@ impl Decoder {
         events.push(Event::Line(line));
     }
 
-    /// Of the first steps those are holes that are far longer than the others, where these agree and are more by enough.
+    /// Of the first steps those are holes that are far longer than the others, where these agree and are more by
+    /// enough.
     fn early_holes(&mut self, events: &mut Vec<Event>) {
         let shortest = self.steps.iter().map(length).min().unwrap_or_default();
         let agrees = |step: &(u64, u64)| length(step) <= shortest + shortest / 4;
@@ -366,8 +372,8 @@ fn is_comment(line: &[u8]) -> bool {
     text.is_empty() || text.starts_with(b"#")
 }
 
-/// Where a counter of 32 bits, as a microcontroller's, begins again, µs: every 71.6 min, or every 49.7 days of milliseconds. What counts seconds or
-/// nanoseconds has more bits.
+/// Where a counter of 32 bits, as a microcontroller's, begins again, µs: every 71.6 min, or every 49.7 days of
+/// milliseconds. What counts seconds or nanoseconds has more bits.
 fn wrap_us(unit: TimeUnit) -> u64 {
     match unit {
         TimeUnit::Microseconds => 1 << 32,

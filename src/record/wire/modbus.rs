@@ -1,8 +1,8 @@
 //! Modbus RTU: requests to bytes and answers from bytes, without any I/O.
 //!
-//! A frame is unit, function, data, CRC-16/MODBUS (low byte first). Three functions are spoken: 3 and 4 read registers; 8, sub-function
-//! 0, returns what was sent ("Return Query Data") and brings a line back into step: no answer to a read can be taken for its answer.
-//! (Modbus Application Protocol V1.1b3 and Modbus over Serial Line V1.02, modbus.org.)
+//! A frame is unit, function, data, CRC-16/MODBUS (low byte first). Three functions are spoken: 3 and 4 read registers;
+//! 8, sub-function 0, returns what was sent ("Return Query Data") and brings a line back into step: no answer to a read
+//! can be taken for its answer. (Modbus Application Protocol V1.1b3 and Modbus over Serial Line V1.02, modbus.org.)
 
 use crc::{CRC_16_MODBUS, Crc};
 
@@ -59,7 +59,8 @@ impl Request {
         sealed(bytes)
     }
 
-    /// A request as a slave sees it: with the unit that it is for. `None` while bytes are missing or where there is none.
+    /// A request as a slave sees it: with the unit that it is for. `None` while bytes are missing or where there is
+    /// none.
     pub fn decode(bytes: &[u8]) -> Option<(u8, Request)> {
         let &[unit, function, a, b, c, d, ..] = unsealed(bytes.get(..8)?)? else { return None };
         let (first, second) = (u16::from_be_bytes([a, b]), u16::from_be_bytes([c, d]));
@@ -113,8 +114,8 @@ impl Answer {
         sealed(bytes)
     }
 
-    /// True if this can be what `request` asked for. Answers do not say which registers they are of: one that comes late fits the
-    /// next request for as many of them.
+    /// True if this can be what `request` asked for. Answers do not say which registers they are of: one that comes
+    /// late fits the next request for as many of them.
     pub fn fits(&self, request: &Request) -> bool {
         match (self, request) {
             (Answer::Registers { input, words }, Request::Read { input: asked, count, .. }) => {

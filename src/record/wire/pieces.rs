@@ -7,7 +7,8 @@ pub(crate) struct Pieces<const END: u8, const LONGEST: usize> {
     ended: Vec<u8>,
     /// The rest of an overlong piece is thrown away up to the next end mark.
     skipping: bool,
-    /// The first end mark was seen; what stood before it may be the rest of a piece that began before we listened, or no piece at all.
+    /// The first end mark was seen; what stood before it may be the rest of a piece that began before we listened, or
+    /// no piece at all.
     aligned: bool,
     /// When the first byte of the pending piece arrived.
     began_ns: i64,
@@ -24,7 +25,8 @@ pub(crate) struct Piece<'a> {
 }
 
 impl<const END: u8, const LONGEST: usize> Pieces<END, LONGEST> {
-    /// Takes from `bytes`, which arrived at `at_ns`, up to the next end mark; `None` once all are taken and the piece goes on.
+    /// Takes from `bytes`, which arrived at `at_ns`, up to the next end mark; `None` once all are taken and the piece
+    /// goes on.
     pub fn next(&mut self, at_ns: i64, bytes: &mut &[u8]) -> Option<Piece<'_>> {
         let Some(length) = bytes.iter().position(|&byte| byte == END) else {
             self.keep(at_ns, std::mem::take(bytes));
@@ -40,7 +42,8 @@ impl<const END: u8, const LONGEST: usize> Pieces<END, LONGEST> {
         Some(Piece { bytes: (!overlong).then_some(&self.ended), maybe_rest, began_ns: self.began_ns })
     }
 
-    /// The stream was cut off, and what comes next may begin within a piece. True where a piece that had begun was cut with it.
+    /// The stream was cut off, and what comes next may begin within a piece. True where a piece that had begun was cut
+    /// with it.
     pub fn cut(&mut self) -> bool {
         let within = self.aligned && (self.skipping || !self.pending.is_empty());
         self.pending.clear();

@@ -20,8 +20,8 @@ impl Place {
     }
 }
 
-/// Values that are read in one request: they lie one behind the other, with nothing between them (a device may refuse to
-/// read an address that it does not have).
+/// Values that are read in one request: they lie one behind the other, with nothing between them (a device may refuse
+/// to read an address that it does not have).
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Group {
     /// Input registers (function 4) rather than holding registers (function 3).
@@ -57,8 +57,8 @@ pub fn group(places: &[Place]) -> Vec<Group> {
     groups
 }
 
-/// Orders groups that are read in turn so that the answers of as few neighbours as possible have the same form (function and length), for
-/// between two such an echo is needed (see [`crate::record::devices::poll`]).
+/// Orders groups that are read in turn so that the answers of as few neighbours as possible have the same form
+/// (function and length), for between two such an echo is needed (see [`crate::record::devices::poll`]).
 pub fn alternate(groups: Vec<Group>) -> Vec<Group> {
     let form = |group: &Group| (group.input, group.count);
     let like = |group: &Group| groups.iter().filter(|other| form(other) == form(group)).count();
@@ -71,7 +71,8 @@ pub fn alternate(groups: Vec<Group>) -> Vec<Group> {
     placed.into_iter().map(|(_, group)| group.clone()).collect()
 }
 
-/// The number in `words`, the registers from `start` on; `None` where they do not reach it, or where it is no finite number.
+/// The number in `words`, the registers from `start` on; `None` where they do not reach it, or where it is no finite
+/// number.
 pub fn value(place: &Place, start: u16, words: &[u16]) -> Option<f64> {
     let at = usize::from(place.address.checked_sub(start)?);
     let first = *words.get(at)?;

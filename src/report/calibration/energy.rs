@@ -86,7 +86,8 @@ fn colour(energy: &Energy, name: &str) -> &'static str {
     }
 }
 
-/// When the book is read, in words and in s after the start of the closure: after some cycles, and at the end of the record.
+/// When the book is read, in words and in s after the start of the closure: after some cycles, and at the end of the
+/// record.
 fn readings(run: &RunFit) -> Vec<(String, f64)> {
     let end_s = run.sensors.iter().filter_map(|s| s.time_s.last().copied()).fold(0.0, f64::max);
     let peaks = |s: &crate::fit::outcome::fit::SensorFit| {

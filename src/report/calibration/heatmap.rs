@@ -1,4 +1,5 @@
-//! Where and when a model errs: the residual's rms in each cycle at each sensor, in units of the noise, one map a model.
+//! Where and when a model errs: the residual's rms in each cycle at each sensor, in units of the noise, one map a
+//! model.
 
 use crate::diagnose::residual_patterns::by_cycle;
 use crate::fit::outcome::fit::{Fit, SensorFit};

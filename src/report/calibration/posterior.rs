@@ -20,7 +20,8 @@ const ROOM: f64 = 58.0;
 /// Bars of a distribution.
 const BARS: usize = 24;
 
-/// Which intervals of a fit are in doubt and why, and how its posterior was sampled; empty where there is nothing to say.
+/// Which intervals of a fit are in doubt and why, and how its posterior was sampled; empty where there is nothing to
+/// say.
 pub fn text(fit: &Fit) -> String {
     let mut out = String::new();
     if let Some(sampled) = &fit.posterior {

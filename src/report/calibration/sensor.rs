@@ -58,7 +58,8 @@ pub(crate) fn section(index: usize, panel: &Panel, page: &Page) -> String {
     out
 }
 
-/// A place for the residual of each model: each has a scale of its own, for a good model's is a line beside a poor one's.
+/// A place for the residual of each model: each has a scale of its own, for a good model's is a line beside a poor
+/// one's.
 fn residuals(sensor: &str, stages: &[Stage]) -> String {
     let of = |(i, stage): (usize, &Stage)| {
         format!(

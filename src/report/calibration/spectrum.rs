@@ -1,4 +1,5 @@
-//! In which frequencies a model errs: the spectrum of its residual at each sensor, against the noise and the pipe's harmonics.
+//! In which frequencies a model errs: the spectrum of its residual at each sensor, against the noise and the pipe's
+//! harmonics.
 
 use std::fmt::Write;
 

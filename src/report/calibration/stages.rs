@@ -10,8 +10,9 @@ use crate::report::text::number::{duration, error_m, times, times_noise};
 use crate::report::view::curves::find;
 use crate::report::view::summary::{Overall, overall};
 
-/// Error of each stage on a logarithmic axis, with the noise as the floor that no model can pass. Dots, for such an axis has no zero that a bar
-/// could start from; the line from the noise to a dot is as long as the error is times the noise.
+/// Error of each stage on a logarithmic axis, with the noise as the floor that no model can pass. Dots, for such an
+/// axis has no zero that a bar could start from; the line from the noise to a dot is as long as the error is times the
+/// noise.
 ///
 /// `below` is HTML that ends the section.
 pub(crate) fn staircase(stages: &[Stage], below: &str) -> String {
@@ -64,7 +65,8 @@ pub(crate) fn staircase(stages: &[Stage], below: &str) -> String {
     out
 }
 
-/// Error of each stage as numbers: over all samples, and at each sensor (or, of several runs, in each run) in units of its noise.
+/// Error of each stage as numbers: over all samples, and at each sensor (or, of several runs, in each run) in units of
+/// its noise.
 pub(crate) fn errors(stages: &[Stage]) -> String {
     let Some(last) = stages.last() else { return String::new() };
     let places: Vec<(String, &str, Option<&str>)> = match last.fit.runs.as_slice() {

@@ -68,8 +68,8 @@ pub fn unseen(fit: &Fit) -> String {
     fit.unidentifiable.iter().map(|u| format!("{}\n", u.in_words)).collect()
 }
 
-/// RMSE of what came before (`before`: the first stage; `start`: the unfitted start values, where there is one stage only), RMSE,
-/// noise, their ratio and the error over extrema, for each run and sensor; then what the columns mean.
+/// RMSE of what came before (`before`: the first stage; `start`: the unfitted start values, where there is one stage
+/// only), RMSE, noise, their ratio and the error over extrema, for each run and sensor; then what the columns mean.
 pub fn errors(stages: &[Stage]) -> String {
     let Some(last) = stages.last() else { return String::new() };
     let first = stages.first().filter(|_| stages.len() > 1);

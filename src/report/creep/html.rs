@@ -1,4 +1,5 @@
-//! The page of a creep test: curve, band and residual, the elements, the number of them, and the shift with temperature.
+//! The page of a creep test: curve, band and residual, the elements, the number of them, and the shift with
+//! temperature.
 
 use std::fmt::Write;
 

@@ -151,14 +151,16 @@ pub(crate) fn curve(fit: &CreepFit) -> Vec<(f64, f64, f64, f64)> {
     (0..POINTS).map(|i| point(at(i))).collect()
 }
 
-/// The document of `creep --json`. Compliances in 1/GPa, times in s, all at `reference_degC`; standard errors are `null` where the test does
-/// not determine a value; `interval` is the 95% one.
+/// The document of `creep --json`. Compliances in 1/GPa, times in s, all at `reference_degC`; standard errors are
+/// `null` where the test does not determine a value; `interval` is the 95% one.
 ///
-/// `J0_per_GPa`, `J0_standard_error`, `J0_interval`: with all elements faster than `J0_within_s`, the time of the first reading; `elements`: list of `J_per_GPa`, `J_standard_error`, `J_interval`, `tau_s`,
-/// `tau_standard_error`, `tau_interval`, `at_bound`; `curve`: `time_s`, `compliance_per_GPa`, `lower_per_GPa`, `upper_per_GPa`; `shift`:
-/// `factors` (list of `temperature_degC`, `factor`, `standard_error`), `arrhenius` and `wlf`, or `null`; `rms_per_GPa`, `noise_per_GPa`,
-/// `noise_kind`, `variance_inflation`; `tests`: list of `file`, `temperature_degC`, `samples`, `rms_per_GPa`, `noise_per_GPa`,
-/// `shift_factor`; `tried`: list of `elements`, `rms_over_noise`, `bic_above_best`; `remarks`.
+/// `J0_per_GPa`, `J0_standard_error`, `J0_interval`: with all elements faster than `J0_within_s`, the time of the first
+/// reading; `elements`: list of `J_per_GPa`, `J_standard_error`, `J_interval`, `tau_s`, `tau_standard_error`,
+/// `tau_interval`, `at_bound`; `curve`: `time_s`, `compliance_per_GPa`, `lower_per_GPa`, `upper_per_GPa`; `shift`:
+/// `factors` (list of `temperature_degC`, `factor`, `standard_error`), `arrhenius` and `wlf`, or `null`; `rms_per_GPa`,
+/// `noise_per_GPa`, `noise_kind`, `variance_inflation`; `tests`: list of `file`, `temperature_degC`, `samples`,
+/// `rms_per_GPa`, `noise_per_GPa`, `shift_factor`; `tried`: list of `elements`, `rms_over_noise`, `bic_above_best`;
+/// `remarks`.
 pub fn document(fit: &CreepFit) -> serde_json::Value {
     let error = |value: f64, j: usize| value * fit.relative_errors[j];
     let interval = |value: f64, j: usize| {

@@ -139,7 +139,8 @@ fn name(candidate: &Candidate) -> String {
     }
 }
 
-/// How likely an effect is to be the one that is missing; of one that the pair above holds, to be missing without the other.
+/// How likely an effect is to be the one that is missing; of one that the pair above holds, to be missing without the
+/// other.
 fn likely(candidate: &Candidate, pair: Option<&Pair>) -> String {
     match pair.filter(|pair| pair.effects.contains(&candidate.effect)) {
         Some(pair) => {

@@ -43,7 +43,8 @@ pub struct Example {
 }
 
 impl Example {
-    /// At the usual head with the values where a fit starts; twice as strong, or at a low head, where the effect hardly shows.
+    /// At the usual head with the values where a fit starts; twice as strong, or at a low head, where the effect hardly
+    /// shows.
     ///
     /// # Errors
     /// An effect that cannot be simulated on the example rig.

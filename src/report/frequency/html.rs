@@ -1,4 +1,5 @@
-//! The page of a frequency response: amplitude and phase of record and model at each sensor, and the table of harmonics.
+//! The page of a frequency response: amplitude and phase of record and model at each sensor, and the table of
+//! harmonics.
 
 use std::fmt::Write;
 

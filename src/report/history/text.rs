@@ -158,9 +158,10 @@ struct SlopeDocument {
     interval: [f64; 2],
 }
 
-/// The JSON document of `history`. `parameters` are those of the model in force, `values` what sound runs (nothing missing, or accepted by
-/// hand) and others have of it; `drift` counts the sound ones: `per_run` and `per_kelvin` with their 95% `interval`, determined `together`
-/// or each alone; `scatter` is the standard deviation from run to run beyond the errors. `runs` as in `watch --json`.
+/// The JSON document of `history`. `parameters` are those of the model in force, `values` what sound runs (nothing
+/// missing, or accepted by hand) and others have of it; `drift` counts the sound ones: `per_run` and `per_kelvin` with
+/// their 95% `interval`, determined `together` or each alone; `scatter` is the standard deviation from run to run
+/// beyond the errors. `runs` as in `watch --json`.
 pub fn document(history: &History) -> Document<'_> {
     let slope = |s: Slope| SlopeDocument { value: s.value, interval: [s.low, s.high] };
     let drift = |d: Drift| DriftDocument {

@@ -82,8 +82,8 @@ pub(crate) fn footer(more: &str) -> String {
     )
 }
 
-/// Links to the chapters that a body has: headings right after an `id`. Where there is room they stand beside the page; there the chapter of this
-/// id has a list of its own below it.
+/// Links to the chapters that a body has: headings right after an `id`. Where there is room they stand beside the page;
+/// there the chapter of this id has a list of its own below it.
 pub(crate) fn contents(body: &str, (chapter, within): (&str, &str)) -> String {
     let chapters: Vec<String> = body
         .split(r#" id=""#)
@@ -103,8 +103,8 @@ pub(crate) fn colour(stage: usize, stages: usize) -> usize {
     if stage + 1 == stages { 0 } else { 1 + stage % 4 }
 }
 
-/// A table in which the columns of `numbers` hold numbers; cells and headings are HTML. Where there is no room for columns, each cell brings
-/// its heading along.
+/// A table in which the columns of `numbers` hold numbers; cells and headings are HTML. Where there is no room for
+/// columns, each cell brings its heading along.
 pub(crate) fn table(
     caption: &str,
     headings: &[&str],

@@ -1,4 +1,5 @@
-//! The parameters, observations and priors of a problem under the names that PEST takes, and its template and instructions.
+//! The parameters, observations and priors of a problem under the names that PEST takes, and its template and
+//! instructions.
 
 use crate::fit::problem::fit_problem::FitProblem;
 use crate::fit::problem::observed::{Observation, observations};

@@ -13,8 +13,8 @@ impl Names {
         Names { longest, taken: HashSet::new() }
     }
 
-    /// A name like `text` with `suffix` at its end. What stands in brackets (`offset_m[P1]`) tells names apart, so it is kept rather
-    /// than what stands before.
+    /// A name like `text` with `suffix` at its end. What stands in brackets (`offset_m[P1]`) tells names apart, so it
+    /// is kept rather than what stands before.
     pub(crate) fn take(&mut self, text: &str, suffix: &str) -> String {
         let (stem, inside) = text.split_once('[').unwrap_or((text, ""));
         let (stem, inside) = (Some(plain(stem)).filter(|s| !s.is_empty()).unwrap_or("x".to_owned()), plain(inside));

@@ -1,7 +1,7 @@
 //! Observations as a table: what was measured, or what a model shows in their place, one row each.
 //!
-//! Columns: `file` (the recording), `sensor`, `time_s` (on the recording's clock; empty for the flow before the closure), `unit`
-//! (`m` of the fluid column, `m3/s`) and `value`, the last.
+//! Columns: `file` (the recording), `sensor`, `time_s` (on the recording's clock; empty for the flow before the
+//! closure), `unit` (`m` of the fluid column, `m3/s`) and `value`, the last.
 
 use crate::fit::data::run_data::RunData;
 use crate::fit::problem::observed::{Gauge, Place};

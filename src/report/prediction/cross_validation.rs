@@ -1,4 +1,5 @@
-//! Cross-validations as text and JSON: whether a model predicts what it was not fitted to, and which of two does so better.
+//! Cross-validations as text and JSON: whether a model predicts what it was not fitted to, and which of two does so
+//! better.
 
 use serde::Serialize;
 

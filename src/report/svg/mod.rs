@@ -1,7 +1,8 @@
-//! Small static charts (lines here, [`bars`], [`heat`] maps): what a page shows where no script runs, in print, and any other plot.
+//! Small static charts (lines here, [`bars`], [`heat`] maps): what a page shows where no script runs, in print, and any
+//! other plot.
 //!
-//! Every mark carries a class beside its own colour (`chart`, `grid`, `axis`, `series-0` …), so that a page's style sheet can
-//! recolour it for dark mode or paper; a file of its own looks right without one.
+//! Every mark carries a class beside its own colour (`chart`, `grid`, `axis`, `series-0` …), so that a page's style
+//! sheet can recolour it for dark mode or paper; a file of its own looks right without one.
 
 pub(crate) mod axis;
 pub mod bars;
@@ -33,7 +34,8 @@ pub struct LineChart {
     pub whole_x: bool,
     /// Room left and right, where points would stand on the frame; a line runs from edge to edge without it.
     pub room_x: bool,
-    /// Places along x that are marked by an upright line with a short word at its top; only those within the curves' range are.
+    /// Places along x that are marked by an upright line with a short word at its top; only those within the curves'
+    /// range are.
     pub marks: Vec<(f64, String)>,
 }
 

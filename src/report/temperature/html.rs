@@ -1,4 +1,5 @@
-//! The page of a family: each quantity against temperature with its intervals, trend and law; the runs' errors; the laws.
+//! The page of a family: each quantity against temperature with its intervals, trend and law; the runs' errors; the
+//! laws.
 
 use std::fmt::Write;
 

@@ -204,12 +204,14 @@ pub(crate) fn degrees(family: &Family) -> Vec<f64> {
 
 /// The document of `family --json`. Intervals are 95% ones, `null` where they are open.
 ///
-/// `effects`, `reference_degC`; `runs`: list of `file`, `temperature_degC`, `temperature_from`, `rmse_m` (fitted apart),
-/// `together_rmse_m` and `together_temperature_degC` (as it suits the laws) or `null`, `noise_m`, `parameters` (list of `name`, `value`, `standard_error`, `unit`, `at_bound`);
-/// `trends`: list of `name`, `unit`, `form`, `at_reference`, `at_reference_interval`, `slope`, `slope_standard_error`, `slope_interval`, `slope_unit`,
-/// `chance` (that the line holds, of scatter as large), `contradicted`; `together`, or `null`: `shift`, `modulus`, `vertical`, `parameters` (list
-/// of `name`, `value`, `standard_error`, `interval`, `unit`, `at_bound`), `comparison` (`f`, `parameters_saved`, `effective_samples_left`, `chance`,
-/// `bic_difference`, `verdict`: `describe`, `nearly` or `fail`) or `null`, `converged`; `remarks`.
+/// `effects`, `reference_degC`; `runs`: list of `file`, `temperature_degC`, `temperature_from`, `rmse_m` (fitted
+/// apart), `together_rmse_m` and `together_temperature_degC` (as it suits the laws) or `null`, `noise_m`, `parameters`
+/// (list of `name`, `value`, `standard_error`, `unit`, `at_bound`); `trends`: list of `name`, `unit`, `form`,
+/// `at_reference`, `at_reference_interval`, `slope`, `slope_standard_error`, `slope_interval`, `slope_unit`, `chance`
+/// (that the line holds, of scatter as large), `contradicted`; `together`, or `null`: `shift`, `modulus`, `vertical`,
+/// `parameters` (list of `name`, `value`, `standard_error`, `interval`, `unit`, `at_bound`), `comparison` (`f`,
+/// `parameters_saved`, `effective_samples_left`, `chance`, `bic_difference`, `verdict`: `describe`, `nearly` or `fail`)
+/// or `null`, `converged`; `remarks`.
 pub fn document(family: &Family) -> Value {
     let runs = family.members.iter().zip(&family.fits).enumerate().map(|(r, (m, fit))| {
         let (together, moved) =

@@ -10,7 +10,8 @@ const ROWS: usize = 16;
 /// Characters of the curve behind and the one before it.
 pub const MARKS: [char; 2] = ['·', '█'];
 
-/// Draws two curves over `x` from 0 to `x_end`, the second over the first, with the range of y at the left and of x below.
+/// Draws two curves over `x` from 0 to `x_end`, the second over the first, with the range of y at the left and of x
+/// below.
 ///
 /// Within a column a curve is drawn over all the values it takes there, so that fronts are joined. Values that are not
 /// finite are left out.

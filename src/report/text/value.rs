@@ -4,8 +4,9 @@ use crate::fit::outcome::fit::{Fit, FittedParameter};
 use crate::model::parameter::Scale;
 use crate::report::text::number::{significant, with_error};
 
-/// A fitted value with its error, `395.1(4)`; in words where the error says less: a value that the data leave open on both sides is
-/// `0.1136 (undetermined)`, a positive one that is known to less than itself `0.0284 (±220%)`. Without an error where the fit ended at no optimum.
+/// A fitted value with its error, `395.1(4)`; in words where the error says less: a value that the data leave open on
+/// both sides is `0.1136 (undetermined)`, a positive one that is known to less than itself `0.0284 (±220%)`. Without an
+/// error where the fit ended at no optimum.
 pub fn fitted(fit: &Fit, p: &FittedParameter) -> String {
     if fit.converged { of_an_optimum(p) } else { significant(p.value, 5) }
 }

@@ -117,7 +117,8 @@ fn blank_gaps(mut model: Vec<f64>, measured: &[f64]) -> Vec<f64> {
     model
 }
 
-/// Values at the samples of `fit` (its model, its band) at times of `reference`, linear between its samples, NaN outside them.
+/// Values at the samples of `fit` (its model, its band) at times of `reference`, linear between its samples, NaN
+/// outside them.
 fn on_times(fit: &SensorFit, values: &[f64], reference: &SensorFit, time_s: &[f64]) -> Vec<f64> {
     let shift = shift_s(fit, reference);
     let len = fit.time_s.len().min(values.len());
@@ -144,7 +145,8 @@ fn on_times(fit: &SensorFit, values: &[f64], reference: &SensorFit, time_s: &[f6
         .collect()
 }
 
-/// What to add to a stage's times to get the reference's: their starts of the closure differ, the recording's end does not.
+/// What to add to a stage's times to get the reference's: their starts of the closure differ, the recording's end does
+/// not.
 fn shift_s(fit: &SensorFit, reference: &SensorFit) -> f64 {
     let ends = |s: &SensorFit| Some((*s.time_s.last()?, *s.measured_m.last()?));
     match (ends(fit), ends(reference)) {

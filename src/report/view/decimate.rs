@@ -2,9 +2,9 @@
 
 /// Indices to keep, ascending, of curves that share one axis of `len` samples.
 ///
-/// The axis is cut into `buckets` stretches of equal numbers of samples; in each, the first minimum and the first maximum
-/// of every curve are kept, and the first sample that is not a number, so that gaps stay gaps. First and last sample are
-/// always kept. With no more than two samples a bucket everything is kept.
+/// The axis is cut into `buckets` stretches of equal numbers of samples; in each, the first minimum and the first
+/// maximum of every curve are kept, and the first sample that is not a number, so that gaps stay gaps. First and last
+/// sample are always kept. With no more than two samples a bucket everything is kept.
 pub fn keep(curves: &[&[f64]], len: usize, buckets: usize) -> Vec<usize> {
     if buckets == 0 || len <= 2 * buckets {
         return (0..len).collect();

@@ -6,7 +6,8 @@ use crate::report::text::number::{error_m, times};
 
 /// RMSE within this factor of the noise counts as noise: the estimate of the noise is no better.
 pub(crate) const DOWN_TO_NOISE: f64 = 1.25;
-/// RMSE within this factor of the noise cannot be distinguished from noise; between the two factors it may be, or something small is missing.
+/// RMSE within this factor of the noise cannot be distinguished from noise; between the two factors it may be, or
+/// something small is missing.
 const AT_NOISE: f64 = 1.1;
 /// RMSE beyond this factor of the noise means that something is missing.
 const SOMETHING_MISSING: f64 = 2.0;
@@ -56,8 +57,8 @@ pub fn closeness(rmse_m: f64, noise_m: f64) -> Closeness {
     }
 }
 
-/// Judges a whole fit: its error over all samples, and no sensor may hide well above its noise among good ones. One that did not end at an optimum
-/// says nothing.
+/// Judges a whole fit: its error over all samples, and no sensor may hide well above its noise among good ones. One
+/// that did not end at an optimum says nothing.
 pub fn judge(fit: &Fit) -> Closeness {
     if !fit.converged {
         return Closeness::Unknown;

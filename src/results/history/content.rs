@@ -1,7 +1,7 @@
 //! What makes two files one recording: the same bytes, whatever their names.
 
-/// Identity of a file's content: its size and its CRC-64 (ECMA-182 polynomial, as in xz). That two different recordings of one size
-/// share it by chance has a probability of 5e-20; forging one gains nothing.
+/// Identity of a file's content: its size and its CRC-64 (ECMA-182 polynomial, as in xz). That two different recordings
+/// of one size share it by chance has a probability of 5e-20; forging one gains nothing.
 pub fn identity(bytes: &[u8]) -> String {
     const CRC: crc::Crc<u64, crc::Table<16>> = crc::Crc::<u64, crc::Table<16>>::new(&crc::CRC_64_XZ);
     format!("{}-{:016x}", bytes.len(), CRC.checksum(bytes))

@@ -145,8 +145,9 @@ impl Expected {
     }
 }
 
-/// What to expect of a value with this standard error in a run at this temperature, with a probability of `level`, after `earlier` runs;
-/// none after fewer than three. From five runs at different temperatures on, the temperature's influence is taken out.
+/// What to expect of a value with this standard error in a run at this temperature, with a probability of `level`,
+/// after `earlier` runs; none after fewer than three. From five runs at different temperatures on, the temperature's
+/// influence is taken out.
 pub fn expected(earlier: &[Point], temperature_degc: Option<f64>, standard_error: f64, level: f64) -> Option<Expected> {
     if earlier.len() < FEWEST {
         return None;

@@ -1,7 +1,7 @@
 //! The index of a folder's recordings: a SQLite file beside them.
 //!
-//! A run goes from waiting to running to done or failed, each step one transaction. Its files are written before it is done: whatever
-//! moment the program is killed at, a run is either done with its files there, or it is still to do.
+//! A run goes from waiting to running to done or failed, each step one transaction. Its files are written before it is
+//! done: whatever moment the program is killed at, a run is either done with its files there, or it is still to do.
 
 use std::path::Path;
 use std::time::Duration;
@@ -116,8 +116,8 @@ impl Index {
         Ok(change.commit()?)
     }
 
-    /// Enters a recording by its content. `rig` is empty and `error` says why where it cannot be read; `is_there` says of a name whether
-    /// a file stands there.
+    /// Enters a recording by its content. `rig` is empty and `error` says why where it cannot be read; `is_there` says
+    /// of a name whether a file stands there.
     pub fn enter(
         &mut self,
         name: &Name,
@@ -184,8 +184,8 @@ impl Index {
         next.map(|id| self.run(id)).transpose()
     }
 
-    /// Lets go of a run whose file has changed or gone since it was entered: what stands there now is looked at anew. One that was never
-    /// done is forgotten.
+    /// Lets go of a run whose file has changed or gone since it was entered: what stands there now is looked at anew.
+    /// One that was never done is forgotten.
     pub fn forget(&mut self, id: i64) -> Result<()> {
         let change = self.change()?;
         change.execute("DELETE FROM file WHERE run = ?", [id])?;
@@ -193,8 +193,9 @@ impl Index {
         Ok(change.commit()?)
     }
 
-    /// Runs that were cut off wait again. Those begun `most` times already are given up for a while: a crash is not to be met for ever, but
-    /// who kills the program has only to come back later. Returns both, and those whose time has come. To be called with the folder locked.
+    /// Runs that were cut off wait again. Those begun `most` times already are given up for a while: a crash is not to
+    /// be met for ever, but who kills the program has only to come back later. Returns both, and those whose time has
+    /// come. To be called with the folder locked.
     pub fn resume(&mut self, most: u32, now_unix_s: i64) -> Result<Vec<Run>> {
         let due = "(SELECT run FROM given_up WHERE again_unix_s <= ?1)";
         let which = format!("WHERE state = 'running' OR (state = 'failed' AND id IN {due})");

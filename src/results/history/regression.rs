@@ -1,9 +1,10 @@
 //! Weighted linear regression of values that scatter by more than their standard errors.
 //!
-//! A fit's standard error says how well one record determines a value, not how well the rig repeats it. So each value has the variance
-//! se² + τ², where τ, the scatter between runs, is what makes the weighted squares of the residuals as many as there are degrees of
-//! freedom (Paule & Mandel 1982, J. Res. NBS 87(5)); τ is 0 where the errors explain everything. Intervals are Student's (Knapp & Hartung
-//! 2003, Stat. Med. 22). With equal errors that are small beside the scatter this is ordinary least squares.
+//! A fit's standard error says how well one record determines a value, not how well the rig repeats it. So each value
+//! has the variance se² + τ², where τ, the scatter between runs, is what makes the weighted squares of the residuals as
+//! many as there are degrees of freedom (Paule & Mandel 1982, J. Res. NBS 87(5)); τ is 0 where the errors explain
+//! everything. Intervals are Student's (Knapp & Hartung 2003, Stat. Med. 22). With equal errors that are small beside
+//! the scatter this is ordinary least squares.
 
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ContinuousCDF, StudentsT};
@@ -22,8 +23,8 @@ pub struct Regression {
 }
 
 impl Regression {
-    /// Fits `values`, each with its standard error (above 0), on columns of the same length. None where there are no more values than
-    /// columns, or where the columns do not differ.
+    /// Fits `values`, each with its standard error (above 0), on columns of the same length. None where there are no
+    /// more values than columns, or where the columns do not differ.
     pub fn fit(columns: &[Vec<f64>], values: &[f64], standard_errors: &[f64]) -> Option<Regression> {
         let (n, p) = (values.len(), columns.len());
         if n <= p || p == 0 {
@@ -57,7 +58,8 @@ impl Regression {
         self.quantile(level) * self.covariance[(coefficient, coefficient)].sqrt()
     }
 
-    /// The value at a place, and half the width of the interval that holds a new value with the standard error `standard_error` there.
+    /// The value at a place, and half the width of the interval that holds a new value with the standard error
+    /// `standard_error` there.
     pub fn predict(&self, row: &[f64], standard_error: f64, level: f64) -> (f64, f64) {
         let x = DVector::from_column_slice(row);
         let value = self.coefficients.iter().zip(row).map(|(b, x)| b * x).sum();
@@ -71,7 +73,8 @@ impl Regression {
     }
 }
 
-/// The variance between runs at which the weighted square is the degrees of freedom; the square falls as the variance grows.
+/// The variance between runs at which the weighted square is the degrees of freedom; the square falls as the variance
+/// grows.
 fn scatter_variance(values: &DVector<f64>, freedom: f64, square: impl Fn(f64) -> Option<f64>) -> Option<f64> {
     if square(0.0)? <= freedom {
         return Some(0.0);
@@ -88,8 +91,8 @@ fn scatter_variance(values: &DVector<f64>, freedom: f64, square: impl Fn(f64) ->
 mod tests {
     use super::*;
 
-    /// Anscombe's first set (1973, Am. Stat. 27(1)): 3.0001 ± 1.1247 and 0.5001 ± 0.1179 on 9 degrees of freedom, residual standard
-    /// error 1.237, as every text on regression has it.
+    /// Anscombe's first set (1973, Am. Stat. 27(1)): 3.0001 ± 1.1247 and 0.5001 ± 0.1179 on 9 degrees of freedom,
+    /// residual standard error 1.237, as every text on regression has it.
     #[test]
     fn equal_errors_are_ordinary_least_squares() {
         let x = [10.0, 8.0, 13.0, 9.0, 11.0, 14.0, 6.0, 4.0, 12.0, 7.0, 5.0];

@@ -9,8 +9,9 @@ pub(crate) const VERSION: i64 = 1;
 
 /// Makes them.
 ///
-/// `run` holds each recording once, by its content; `file` the names under which it was seen, with the size and time at which that name
-/// need not be read again; `parameter` the values fitted; `accepted` the models accepted as a rig's, the last one in force.
+/// `run` holds each recording once, by its content; `file` the names under which it was seen, with the size and time at
+/// which that name need not be read again; `parameter` the values fitted; `accepted` the models accepted as a rig's,
+/// the last one in force.
 pub(crate) const TABLES: &str = "
 CREATE TABLE run (
     id INTEGER PRIMARY KEY,

@@ -24,12 +24,12 @@ pub struct Bound {
     pub scaled: Vec<bool>,
 }
 
-/// Brings a file's tracks to the sensors of a rig. Sensors that it has no track of stay empty; what was converted or left out
-/// is added to `repairs`.
+/// Brings a file's tracks to the sensors of a rig. Sensors that it has no track of stay empty; what was converted or
+/// left out is added to `repairs`.
 ///
 /// # Errors
-/// A track that is no sensor (in a table), two tracks of one sensor, a unit that the sensor cannot have, a name in the options
-/// that is not there.
+/// A track that is no sensor (in a table), two tracks of one sensor, a unit that the sensor cannot have, a name in the
+/// options that is not there.
 pub fn bind(
     mut file: SourceFile,
     path: &Path,

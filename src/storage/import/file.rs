@@ -1,4 +1,5 @@
-//! One file of any known kind becomes a recording on a rig: a plain time series exactly as it is, anything else repaired.
+//! One file of any known kind becomes a recording on a rig: a plain time series exactly as it is, anything else
+//! repaired.
 
 use std::path::Path;
 
@@ -24,9 +25,9 @@ pub fn import_csv(csv: &Path, rig: &Rig) -> Result<Recording, LogError> {
     import_csv_with(csv, rig, &ImportOptions::default())
 }
 
-/// Reads a plain time series: the first column `time_s` in seconds, then one a sensor of the rig, by its name and in its
-/// unit; an empty cell is no sample. `#` lines are comments, which become a note; a byte-order mark and CRLF line ends are
-/// fine. Lines missing from an even grid of times become gaps.
+/// Reads a plain time series: the first column `time_s` in seconds, then one a sensor of the rig, by its name and in
+/// its unit; an empty cell is no sample. `#` lines are comments, which become a note; a byte-order mark and CRLF line
+/// ends are fine. Lines missing from an even grid of times become gaps.
 ///
 /// # Errors
 /// [`LogError::Csv`] with the line, the column and what to do: times that do not increase, cells that are not finite
@@ -79,8 +80,9 @@ pub struct Imported {
     pub names: Vec<String>,
 }
 
-/// Reads a file onto the sensors of a rig; sensors that it lacks stay empty where it is not `alone`. A time series as the project writes it
-/// is taken without any repair, and its export gives it back byte by byte. A start in the options goes before that of the file.
+/// Reads a file onto the sensors of a rig; sensors that it lacks stay empty where it is not `alone`. A time series as
+/// the project writes it is taken without any repair, and its export gives it back byte by byte. A start in the options
+/// goes before that of the file.
 ///
 /// # Errors
 /// Says what is wrong, where, and what to do.

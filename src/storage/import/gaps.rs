@@ -2,8 +2,9 @@
 
 use crate::recording::Gap;
 
-/// Gaps over the times at which there is none, from the sample before to the one after; before the first sample and after the last, from or
-/// to such a time itself. Both in order, s; where there is a sample at the time as well, nothing is missing.
+/// Gaps over the times at which there is none, from the sample before to the one after; before the first sample and
+/// after the last, from or to such a time itself. Both in order, s; where there is a sample at the time as well,
+/// nothing is missing.
 pub(crate) fn gaps(time_s: &[f64], missing_s: &[f64]) -> Vec<Gap> {
     let place = |t: f64| time_s.partition_point(|s| *s < t);
     let missing_s: Vec<f64> = missing_s.iter().copied().filter(|t| time_s.get(place(*t)) != Some(t)).collect();

@@ -1,4 +1,5 @@
-//! Tables in JSON: records, one object a line, columns, or rows under their names. What stands beside them goes above the table as a remark.
+//! Tables in JSON: records, one object a line, columns, or rows under their names. What stands beside them goes above
+//! the table as a remark.
 
 use std::fmt;
 

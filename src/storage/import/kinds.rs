@@ -30,8 +30,8 @@ pub fn is_nameless(heading: &str) -> bool {
     heading.starts_with(NAMELESS) || (!heading.is_empty() && heading.bytes().all(|b| b.is_ascii_digit()))
 }
 
-/// The unit of a pressure, and whether it counts from the vacuum: `bara`, `psia`, `kPa abs`, `bar(a)`, or a name that says so. Of gauges it may be
-/// `bar g` or `mbar Überdruck`.
+/// The unit of a pressure, and whether it counts from the vacuum: `bara`, `psia`, `kPa abs`, `bar(a)`, or a name that
+/// says so. Of gauges it may be `bar g` or `mbar Überdruck`.
 pub(crate) fn pressure_unit(name: &str, text: &str) -> Option<(Unit, bool)> {
     let plain = |text: &str| text.to_lowercase().replace(['(', ')', '[', ']', '.', '_', '-'], " ").trim().to_owned();
     let bare = plain(text);
@@ -69,8 +69,8 @@ const ABSOLUTE: [&str; 12] =
     ["absol", "abspr", "absdr", "absp", "assolut", "bezwzgl", "mutlak", "абс", "απολυτ", "απόλυτ", "απολύτ", "abszol"];
 const ABSOLUTE_SIGNS: [&str; 3] = ["绝", "絶対", "절대"];
 
-/// Whether a name says that its pressure counts from the vacuum: `Abs Pres`, `p_abs`, `Pabs`, `P1abs`, `AbsPress1`, `absolut`. ABS is also the wall of
-/// a pipe.
+/// Whether a name says that its pressure counts from the vacuum: `Abs Pres`, `p_abs`, `Pabs`, `P1abs`, `AbsPress1`,
+/// `absolut`. ABS is also the wall of a pipe.
 pub(crate) fn is_absolute_name(name: &str) -> bool {
     if ABSOLUTE_SIGNS.iter().any(|sign| name.contains(sign)) {
         return true;
@@ -112,7 +112,8 @@ pub(crate) fn is_above_level(text: &str) -> bool {
         || lower.split(|c: char| !c.is_alphanumeric()).any(|word| words.contains(&word))
 }
 
-/// What the line of a column may look like whose unit is none that is known: the ranges of a transducer, a zero to take off, or a factor.
+/// What the line of a column may look like whose unit is none that is known: the ranges of a transducer, a zero to take
+/// off, or a factor.
 pub fn line_like(unit: &str, target: &str) -> String {
     match unit {
         _ if is_electric(unit) => format!("1..5 -> 0..10 {target}"),
@@ -214,8 +215,8 @@ fn same(a: SensorKind, b: SensorKind) -> bool {
     quantity_of(a) == quantity_of(b) && (quantity_of(a) != Quantity::Ratio || a == b)
 }
 
-/// Track and sensor for each sensor that no track is named for: by a name that differs in case and signs only, else by kind, in their order, where as
-/// many tracks of a kind are left as sensors.
+/// Track and sensor for each sensor that no track is named for: by a name that differs in case and signs only, else by
+/// kind, in their order, where as many tracks of a kind are left as sensors.
 pub(crate) fn guessed(
     tracks: &[Track],
     rig: &Rig,

@@ -1,5 +1,5 @@
-//! A plain time series that is too long for memory: it is read twice, line by line, and written as it is read. It comes out as by way of memory,
-//! but for the layout of the file: its samples stand in blocks.
+//! A plain time series that is too long for memory: it is read twice, line by line, and written as it is read. It comes
+//! out as by way of memory, but for the layout of the file: its samples stand in blocks.
 
 use std::fs::File;
 use std::io::{BufRead as _, BufReader, BufWriter};
@@ -29,7 +29,8 @@ const FOR_STEP: usize = 100_000;
 /// Most that is kept of the comments, bytes.
 const KEPT_COMMENTS: usize = 1 << 16;
 
-/// Values of a sensor among which strays are looked for at once; the last quarter of them is looked at again with the next ones.
+/// Values of a sensor among which strays are looked for at once; the last quarter of them is looked at again with the
+/// next ones.
 const LOOK: usize = 1 << 16;
 
 /// What became of a long time series.
@@ -74,8 +75,9 @@ pub struct LongImport<'a> {
 }
 
 impl LongImport<'_> {
-    /// Imports a long table, in memory that does not grow with it. `None` where the file is short, or not plain to the last line: then it is
-    /// for [`import_file`](crate::storage::import::import_file), which says what is wrong or mends it.
+    /// Imports a long table, in memory that does not grow with it. `None` where the file is short, or not plain to the
+    /// last line: then it is for [`import_file`](crate::storage::import::import_file), which says what is wrong or
+    /// mends it.
     ///
     /// # Errors
     /// Files that cannot be read or written.

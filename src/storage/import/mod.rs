@@ -1,5 +1,5 @@
-//! Files of other programs become recordings: a reader gives named tracks of numbers with times, which are then bound to the
-//! sensors of a rig.
+//! Files of other programs become recordings: a reader gives named tracks of numbers with times, which are then bound
+//! to the sensors of a rig.
 //!
 //! | file | what it does |
 //! | --- | --- |

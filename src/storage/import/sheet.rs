@@ -10,8 +10,8 @@ use crate::storage::import::source::Repair;
 use crate::storage::import::tables::Tables;
 use crate::storage::nearest::listed;
 
-/// A workbook may unpack to so many times its size, and a small one to at least, and any to at most, so many bytes: what is in it takes as much
-/// memory again.
+/// A workbook may unpack to so many times its size, and a small one to at least, and any to at most, so many bytes:
+/// what is in it takes as much memory again.
 const RATIO: u64 = 100;
 const LEAST_UNPACKED: u64 = 64 << 20;
 const MOST_UNPACKED: u64 = 1 << 30;
@@ -106,7 +106,8 @@ impl Sheet {
         self.range.rows().filter(|row| is_sample(row)).count() >= LEAST_ROWS
     }
 
-    /// Whether the other one holds the rows that come next: the same columns under the same headings or none, and one that rises goes on.
+    /// Whether the other one holds the rows that come next: the same columns under the same headings or none, and one
+    /// that rises goes on.
     fn goes_on_in(&self, next: &Sheet) -> bool {
         let headed = |sheet: &Sheet, above: usize| {
             let at = sheet.first.checked_sub(above)?;

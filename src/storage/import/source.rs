@@ -290,7 +290,8 @@ impl Line {
 impl FromStr for Line {
     type Err = String;
 
-    /// The line of a transducer, with its unit behind it: `250*x-125 kPa`, or by its two ranges, `1..5 -> 0..10 bar`; or the unit alone, `psi`.
+    /// The line of a transducer, with its unit behind it: `250*x-125 kPa`, or by its two ranges, `1..5 -> 0..10 bar`;
+    /// or the unit alone, `psi`.
     fn from_str(text: &str) -> Result<Self, String> {
         line_of(text).ok_or_else(|| format!("'{text}': write it like 1..5 -> 0..10 bar, or 2.5*x-2.5 bar, or psi"))
     }

@@ -15,8 +15,8 @@ const USUAL: [&str; 6] = ["Pa", "kPa", "MPa", "bar", "psi", "m(H2O)"];
 /// How near two steady pressures must come for a unit to be the explanation.
 const NEAR: f64 = 1.5;
 
-/// What to look at again in a recording: pressure sensors whose unit may be another one. AC-coupled sensors show no steady
-/// pressure and are not judged.
+/// What to look at again in a recording: pressure sensors whose unit may be another one. AC-coupled sensors show no
+/// steady pressure and are not judged.
 pub fn unit_warnings(recording: &Recording) -> Vec<Repair> {
     let rig = &recording.rig;
     let density = rig.fluid.properties(rig.fluid.temperature_degc).density_kg_m3;

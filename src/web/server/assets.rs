@@ -36,8 +36,8 @@ const CHARTS: [Asset; 2] = [
 /// What the modules ask for first.
 const STATE: &str = "</api/state>; rel=preload; as=fetch; crossorigin=anonymous";
 
-/// The page itself. Its header names all modules, so that a browser fetches them at once and not level by level: over a network each level costs a
-/// round trip. The state of the session comes with them.
+/// The page itself. Its header names all modules, so that a browser fetches them at once and not level by level: over a
+/// network each level costs a round trip. The state of the session comes with them.
 pub(crate) fn page() -> impl IntoResponse {
     let modules = PAGE.iter().filter(|(_, kind, _)| *kind == JS);
     let modules = modules.map(|(name, ..)| format!("</assets/{name}>; rel=modulepreload"));

@@ -1,8 +1,8 @@
 //! Who may come in: the right Host, the token, and for what changes something the page's own Origin.
 //!
-//! A page of another site can make a browser send requests here, and by a rebound name even read the answers. The Host header tells such a name
-//! on every method, a GET of which carries no Origin. The token comes once in the address, then as a cookie that scripts of the page cannot
-//! read and other sites do not send; programs send it as a bearer.
+//! A page of another site can make a browser send requests here, and by a rebound name even read the answers. The Host
+//! header tells such a name on every method, a GET of which carries no Origin. The token comes once in the address,
+//! then as a cookie that scripts of the page cannot read and other sites do not send; programs send it as a bearer.
 
 use std::io;
 use std::net::SocketAddr;

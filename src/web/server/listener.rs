@@ -1,5 +1,5 @@
-//! Serves a bounded number of connections: a page that opens more waits. A connection that sends no request gives its place back, and where all
-//! are taken, the oldest that has not shown the token makes room.
+//! Serves a bounded number of connections: a page that opens more waits. A connection that sends no request gives its
+//! place back, and where all are taken, the oldest that has not shown the token makes room.
 
 use std::collections::VecDeque;
 use std::sync::Arc;

@@ -42,7 +42,8 @@ pub struct Wishes {
 pub enum Action {
     /// Find out what the model lacks.
     Diagnose,
-    /// Add an effect, its parameters starting at these values where some are given; or the two that the diagnosis found together.
+    /// Add an effect, its parameters starting at these values where some are given; or the two that the diagnosis found
+    /// together.
     Add(String, BTreeMap<String, f64>),
     /// Take an effect out.
     Remove(String),
@@ -78,7 +79,8 @@ impl Bench {
     /// Carries an action out; a diagnosis comes back.
     ///
     /// # Errors
-    /// What the model does not have or cannot take, a fit that fails, a file that cannot be written. Nothing is changed then.
+    /// What the model does not have or cannot take, a fit that fails, a file that cannot be written. Nothing is changed
+    /// then.
     pub fn act(&self, action: &Action) -> Result<Option<Arc<Diagnosis>>, AnyError> {
         match action {
             Action::Diagnose => return self.diagnose().map(Some),
@@ -126,7 +128,8 @@ impl Bench {
         Ok(found)
     }
 
-    /// Goes back to the model that was before an effect came, with its diagnosis; where there is none, what is left is fitted anew.
+    /// Goes back to the model that was before an effect came, with its diagnosis; where there is none, what is left is
+    /// fitted anew.
     fn take_out(&self, effect: &str) -> Result<(), AnyError> {
         let fit = self.fit_in_force()?;
         if let Some(number) = self.file().before(effect) {

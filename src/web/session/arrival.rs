@@ -1,4 +1,5 @@
-//! What is dropped on the page becomes a recording in the folder, once its columns are agreed upon: one file, or several of one closure.
+//! What is dropped on the page becomes a recording in the folder, once its columns are agreed upon: one file, or
+//! several of one closure.
 
 use std::collections::BTreeSet;
 use std::error::Error;
@@ -68,7 +69,8 @@ pub struct Dropped {
     /// What is written of its text and times.
     #[serde(default)]
     pub reading: Reading,
-    /// Columns with what their numbers stand for: of volts or milliamperes such as `1..5 -> 0..10 bar`, of another unit such as `psi`.
+    /// Columns with what their numbers stand for: of volts or milliamperes such as `1..5 -> 0..10 bar`, of another unit
+    /// such as `psi`.
     #[serde(default)]
     pub scales: Vec<(String, String)>,
     /// It is of a rig that is not there yet: a form asks for it.
@@ -120,8 +122,8 @@ struct Understood {
     notes: Vec<String>,
 }
 
-/// Reads what was dropped on a rig and, where that is agreed, writes it to a folder. Returns how it was understood, and the recording; of a table
-/// without a rig that it `needs_rig`.
+/// Reads what was dropped on a rig and, where that is agreed, writes it to a folder. Returns how it was understood, and
+/// the recording; of a table without a rig that it `needs_rig`.
 ///
 /// # Errors
 /// Files that are no recording of this rig, or not of one closure; a folder that cannot be written to.
@@ -176,7 +178,8 @@ pub fn take(dropped: &Dropped, rig: Option<&Rig>, folder: &Path) -> Result<(Valu
         .map_err(AnyError::from)
         .and_then(|scales| understood(dropped, &SourceOptions { scales, ..guessing }, rig, &paths));
     let understood = match read.map_err(by_name) {
-        // what is only looked at may still be mended: by the rate of its samples, or by saying which column is which sensor
+        // what is only looked at may still be mended: by the rate of its samples, or by saying which column is which
+        // sensor
         Err(error) if !dropped.accept && (needs_rate || !remarks.is_empty() || !columns.is_empty()) => {
             let about = json!({
                 "problem": error, "remarks": remarks, "rig": rig.name, "columns": columns, "sensors": sensors, "needs_rate": needs_rate,

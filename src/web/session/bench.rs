@@ -1,7 +1,7 @@
 //! Recordings that are open together, and the models fitted to them.
 //!
-//! The models are those of a file, the same that the commands work on: `NAME.model.toml` beside the recording. It is written when a model is
-//! made by hand; what the workbench fits to show something at once stays in memory.
+//! The models are those of a file, the same that the commands work on: `NAME.model.toml` beside the recording. It is
+//! written when a model is made by hand; what the workbench fits to show something at once stays in memory.
 
 use std::collections::BTreeMap;
 use std::convert::Infallible;
@@ -164,7 +164,8 @@ impl Bench {
         models.fits.get(&models.file.in_force).cloned()
     }
 
-    /// The fit in force behind those of the models that it grew out of, the first of all first; without those that were not fitted here.
+    /// The fit in force behind those of the models that it grew out of, the first of all first; without those that were
+    /// not fitted here.
     pub fn fits(&self) -> Vec<Arc<Fit>> {
         let models = self.models();
         let parent = |number: &usize| models.file.models.get(number - 1)?.grown_from;
@@ -204,7 +205,8 @@ impl Bench {
         Ok(serde_json::from_str(&diagnosis_json(std::slice::from_ref(found), &faults)?)?)
     }
 
-    /// Fits the model in force, where that has not been done: again from the values of the file, or the base model where there is none yet.
+    /// Fits the model in force, where that has not been done: again from the values of the file, or the base model
+    /// where there is none yet.
     ///
     /// # Errors
     /// A model that cannot be simulated, recordings without samples.

@@ -1,4 +1,5 @@
-//! What is open, and what was open before, as it was left: whoever comes back finds the models and the diagnosis that were not saved.
+//! What is open, and what was open before, as it was left: whoever comes back finds the models and the diagnosis that
+//! were not saved.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};

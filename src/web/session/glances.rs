@@ -72,8 +72,8 @@ impl Glances {
         Ok(study)
     }
 
-    /// What a row of the table shows of a run: a sparkline, what was measured, and the error of the model beside it. `error` says why a
-    /// run cannot be read.
+    /// What a row of the table shows of a run: a sparkline, what was measured, and the error of the model beside it.
+    /// `error` says why a run cannot be read.
     pub fn glance(&self, path: &Path) -> Value {
         let seen = key(path).and_then(|key| {
             if let Some(known) = lock(&self.glances).get(&key) {

@@ -111,8 +111,8 @@ impl Session {
         self.jobs.wait(most)
     }
 
-    /// Opens runs together, as they were left where they were open before; fits the base model where they have none, and diagnoses it if that
-    /// is wished. Returns the job's number.
+    /// Opens runs together, as they were left where they were open before; fits the base model where they have none,
+    /// and diagnoses it if that is wished. Returns the job's number.
     ///
     /// # Errors
     /// If a job is at work.
@@ -157,8 +157,8 @@ impl Session {
         self.place.rig().cloned().or_else(|| Some(self.bench()?.study.rig().clone()))
     }
 
-    /// Velocity and head before the closure of the run whose rig is in use, by the names of their settings: a simulated test is like it where
-    /// nothing else is set. None where the rig is known from its file alone.
+    /// Velocity and head before the closure of the run whose rig is in use, by the names of their settings: a simulated
+    /// test is like it where nothing else is set. None where the rig is known from its file alone.
     pub fn before_the_open_run(&self) -> Vec<(String, f64)> {
         let Some(bench) = self.bench().filter(|_| self.place.rig().is_none()) else { return Vec::new() };
         let start = &bench.study.runs()[0].start;
@@ -166,7 +166,8 @@ impl Session {
         vec![("initial_velocity_m_s".to_owned(), velocity), ("valve_head_m".to_owned(), head)]
     }
 
-    /// Room on the disk that the recording fills, or would fill, and how long it lasts at this rate; null where nobody knows.
+    /// Room on the disk that the recording fills, or would fill, and how long it lasts at this rate; null where nobody
+    /// knows.
     pub fn room(&self) -> Value {
         let place = self.recorder.growing().unwrap_or_else(|| self.folder());
         let disk = self.disk.lock().unwrap_or_else(PoisonError::into_inner).look(&place);
@@ -202,8 +203,8 @@ impl Session {
         Ok(())
     }
 
-    /// Looks at a file that was dropped on the page; where that is agreed, it becomes a recording and is opened. A table without a rig is kept,
-    /// and named as one that needs a rig ([`Session::new_rig`]).
+    /// Looks at a file that was dropped on the page; where that is agreed, it becomes a recording and is opened. A
+    /// table without a rig is kept, and named as one that needs a rig ([`Session::new_rig`]).
     ///
     /// # Errors
     /// A file that is no recording of its rig, a folder that cannot be written to.
@@ -224,7 +225,8 @@ impl Session {
         Ok(about)
     }
 
-    /// Looks at a table with a form beside it; where that is agreed, rig and recording are written, and the recording is opened.
+    /// Looks at a table with a form beside it; where that is agreed, rig and recording are written, and the recording
+    /// is opened.
     ///
     /// # Errors
     /// As [`Tables::take`].
@@ -268,7 +270,8 @@ impl Session {
         self.arrivals.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Takes up what has come: runs of the folder, recordings that were made here, and what another program has written to the model file.
+    /// Takes up what has come: runs of the folder, recordings that were made here, and what another program has written
+    /// to the model file.
     pub fn look(self: &Arc<Self>) {
         if self.place.has_changed() {
             self.hub.changed();

@@ -1,4 +1,5 @@
-//! A rig that is made on the page: from a table of a logger and a form beside it to a rig file, a recording and its first fit.
+//! A rig that is made on the page: from a table of a logger and a form beside it to a rig file, a recording and its
+//! first fit.
 
 use std::error::Error;
 use std::fs;
@@ -119,11 +120,12 @@ impl Tables {
         Ok(whole)
     }
 
-    /// What a form makes of a table, and, where that is wished, the files that were written to the folder: rig and recording.
+    /// What a form makes of a table, and, where that is wished, the files that were written to the folder: rig and
+    /// recording.
     ///
     /// # Errors
-    /// A table that is not there; where it is to be written, a form with an answer that is wrong or missing, and a folder that cannot be written to.
-    /// Nothing is written then.
+    /// A table that is not there; where it is to be written, a form with an answer that is wrong or missing, and a
+    /// folder that cannot be written to. Nothing is written then.
     pub fn take(&self, asked: &Asked, tables: &[PathBuf], folder: &Path) -> Result<(Value, Option<PathBuf>), AnyError> {
         let path = |name: &String| {
             self.path(name, tables)
@@ -222,7 +224,8 @@ impl Tables {
     }
 }
 
-/// One recording of all tables, as `import` makes it: each table takes only the answers about its own columns, and a flow by hand is one reading.
+/// One recording of all tables, as `import` makes it: each table takes only the answers about its own columns, and a
+/// flow by hand is one reading.
 fn joined(paths: &[PathBuf], columns: &[Vec<String>], made: &Made) -> Result<Together, AnyError> {
     let mut parts: Vec<Part> = Vec::new();
     for (path, own) in paths.iter().zip(columns) {

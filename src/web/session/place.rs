@@ -1,4 +1,5 @@
-//! Where the runs of a workbench lie: some recordings, a model file, or a folder; and the tables in it that may become runs.
+//! Where the runs of a workbench lie: some recordings, a model file, or a folder; and the tables in it that may become
+//! runs.
 
 use std::collections::HashMap;
 use std::error::Error;
@@ -192,7 +193,8 @@ impl Place {
         run
     }
 
-    /// The runs that are opened first: all that were named, or the newest of a folder; none beside a rig file or a table.
+    /// The runs that are opened first: all that were named, or the newest of a folder; none beside a rig file or a
+    /// table.
     pub fn first(&self) -> Vec<Run> {
         let runs = if self.rig.is_some() || self.table.is_some() { Vec::new() } else { self.runs() };
         if self.folder.is_none() {

@@ -1,5 +1,5 @@
-//! A recording that runs while the page looks on. The recorder is that of `surgescope record`, on threads of its own: it hands on where it
-//! stands and waits for nobody.
+//! A recording that runs while the page looks on. The recorder is that of `surgescope record`, on threads of its own:
+//! it hands on where it stands and waits for nobody.
 
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -119,8 +119,8 @@ impl Recorder {
         json!({ "running": running, "live": last.as_deref().map(live), "rig": rig, "ended": ended })
     }
 
-    /// Where the recording stands, unless the listener has heard `told` reports already; with the number of reports. The caller puts it
-    /// into words: the recording does not wait for that.
+    /// Where the recording stands, unless the listener has heard `told` reports already; with the number of reports.
+    /// The caller puts it into words: the recording does not wait for that.
     pub fn live_since(&self, told: u64) -> Option<(u64, Value)> {
         let state = self.lock();
         let (now, last) = (state.told, state.live.clone());

@@ -37,7 +37,8 @@ pub struct Samples<'a> {
 }
 
 impl<'a> Samples<'a> {
-    /// Those of a sensor as a fit has them, or as they lie in the `whole` of a record of which it has a part. The closure starts at `start_s`.
+    /// Those of a sensor as a fit has them, or as they lie in the `whole` of a record of which it has a part. The
+    /// closure starts at `start_s`.
     pub fn of(loaded: &Loaded, data: &'a SensorData, whole: Option<&'a Recording>, start_s: f64) -> Samples<'a> {
         let rig = &loaded.recording.rig;
         let series = whole.zip(rig.sensors.iter().position(|s| s.name == data.sensor.name));

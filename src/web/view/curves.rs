@@ -1,4 +1,5 @@
-//! Measurement and models at a sensor, as many points as a chart has pixels: each keeps the extremes of what was measured.
+//! Measurement and models at a sensor, as many points as a chart has pixels: each keeps the extremes of what was
+//! measured.
 
 use std::collections::BTreeMap;
 use std::error::Error;

@@ -88,7 +88,8 @@ fn advice(fit: &Fit, j: usize, p: &FittedParameter, of_effect: bool) -> Option<S
     ))
 }
 
-/// How well the fit knows a parameter: its interval, what it trades with, strongest first, and its profile where that was asked for.
+/// How well the fit knows a parameter: its interval, what it trades with, strongest first, and its profile where that
+/// was asked for.
 ///
 /// # Errors
 /// No model yet, a parameter that it does not have.

@@ -1,7 +1,8 @@
 //! Curves as bytes: a line of JSON that says what follows, then the numbers.
 //!
-//! A u32 with the length of the JSON (little endian); the JSON, filled with blanks so that the numbers begin at a multiple of eight; then each
-//! column of the JSON's `columns` as little-endian 64-bit numbers, NaN where there is a gap.
+//! A u32 with the length of the JSON (little endian); the JSON, filled with blanks so that the numbers begin at a
+//! multiple of eight; then each column of the JSON's `columns` as little-endian 64-bit numbers, NaN where there is a
+//! gap.
 
 use serde_json::{Map, Value, json};
 

@@ -25,8 +25,8 @@ const MOST: usize = 24;
 const POINTS: usize = 1200;
 const MOST_POINTS: usize = 20_000;
 
-/// Runs and their curves, the first being the reference. For each of its sensors `S` the columns `S/time_s` (after the start of the closure)
-/// and `S/RUN_m`, the heads of each run at these times.
+/// Runs and their curves, the first being the reference. For each of its sensors `S` the columns `S/time_s` (after the
+/// start of the closure) and `S/RUN_m`, the heads of each run at these times.
 ///
 /// # Errors
 /// Runs that do not exist, too many of them, one that cannot be read.
@@ -134,7 +134,8 @@ fn of_run(run: &Run, study: &Study, bench: Option<&Bench>) -> Value {
     })
 }
 
-/// Effects, error, noise and parameters of a run's model: as it is or was open, kept or not, or of the file beside the run.
+/// Effects, error, noise and parameters of a run's model: as it is or was open, kept or not, or of the file beside the
+/// run.
 fn modelled(run: &Run, bench: Option<&Bench>) -> (Value, Value, Value, Vec<Value>) {
     let of = |name: &str, value: f64, standard_error: Option<f64>| json!({ "name": name, "value": value, "standard_error": standard_error });
     let own =

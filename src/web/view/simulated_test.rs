@@ -10,7 +10,8 @@ use crate::simulate::scenario::{Scenario, ValveForm};
 
 type AnyError = Box<dyn Error + Send + Sync>;
 
-/// The settings of a simulated test on a rig with these effects, each with the value that it has where nothing but `known` is set.
+/// The settings of a simulated test on a rig with these effects, each with the value that it has where nothing but
+/// `known` is set.
 ///
 /// # Errors
 /// Effects that do not exist or exclude each other, a rig that cannot be simulated.

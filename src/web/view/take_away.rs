@@ -49,7 +49,8 @@ pub fn fit_file(bench: &Bench) -> Result<String, AnyError> {
     FitRecord { fitted_at: bench.file().current().when.clone(), ..record }.text(Form::Toml)
 }
 
-/// What a chart shows as a table: heads, or pressures in the sensor's own unit, and what the model leaves; with a name for its file.
+/// What a chart shows as a table: heads, or pressures in the sensor's own unit, and what the model leaves; with a name
+/// for its file.
 pub fn as_table(bench: &Bench, (run, sensor): (usize, usize), own_unit: bool, curves: &Packed) -> (String, Packed) {
     let loaded = &bench.study.recordings()[run];
     let name = &bench.study.runs()[run].sensors[sensor].sensor.name;

@@ -1,4 +1,5 @@
-//! Sentences of the library as the page says them: where they name an option (option `without P3`), the page has a field or a choice.
+//! Sentences of the library as the page says them: where they name an option (option `without P3`), the page has a
+//! field or a choice.
 
 use std::borrow::Cow;
 

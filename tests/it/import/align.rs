@@ -1,4 +1,5 @@
-//! Two acquisition systems with clocks of their own: a slow one at 1 kHz and a fast one at 50 kHz, over one simulated closure.
+//! Two acquisition systems with clocks of their own: a slow one at 1 kHz and a fast one at 50 kHz, over one simulated
+//! closure.
 
 use serde_json::Value;
 use surgescope::align::{Method, Part, align};
@@ -69,8 +70,8 @@ fn slow(truth: &Truth, head: &str, trigger: Trigger) -> String {
     text
 }
 
-/// The fast system's file: the slow clock is `offset_s + (1 + drift) t` at its time `t`. The high-pass of the piezoelectric
-/// sensor, y' = x' - y/T, is integrated here by its own recursion.
+/// The fast system's file: the slow clock is `offset_s + (1 + drift) t` at its time `t`. The high-pass of the
+/// piezoelectric sensor, y' = x' - y/T, is integrated here by its own recursion.
 fn fast(truth: &Truth, head: &str, trigger: Trigger, offset_s: f64, drift: f64) -> String {
     let mut random = fastrand::Rng::with_seed(2);
     let mut text = format!("{head}time_s,PZ{}\n", if trigger.is_some() { ",TRIG" } else { "" });
@@ -287,7 +288,8 @@ fn an_ac_coupled_sensor_of_the_other_system_is_modelled_as_such() {
     assert!((number(speed, "value") - 400.0).abs() < 0.5, "{speed}");
 }
 
-/// One system of several that see a closure without friction, which reaches the valve at [`CLOSURE_S`] of the true time.
+/// One system of several that see a closure without friction, which reaches the valve at [`CLOSURE_S`] of the true
+/// time.
 struct System {
     /// Of the sensors A to D, at 100 m (the valve), 80 m, 60 m and 40 m, those that are its own.
     own: std::ops::Range<usize>,

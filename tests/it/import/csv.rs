@@ -261,7 +261,8 @@ fn the_start_in_the_comments_is_that_of_the_recording_unless_another_is_named() 
 #[test]
 fn a_unit_that_cannot_be_is_doubted_and_the_likely_one_named() {
     let bench = Bench::plain();
-    // P1 is in kPa by the rig, but holds bar; P2 is right. Of two sensors each is far from the other: one sentence names both
+    // P1 is in kPa by the rig, but holds bar; P2 is right. Of two sensors each is far from the other: one sentence
+    // names both
     bench.put("run.csv", "time_s,P1,P2\n0.0,2.4,2.3\n0.1,2.5,2.3\n0.2,2.4,2.3\n");
     let (document, err) = bench.import(0, &["run.csv"]);
     assert_eq!(document["warnings"].as_array().unwrap().len(), 1, "{document}");

@@ -1,5 +1,5 @@
-//! Tables as devices and programs write them, by their manuals and by public reports: what is written is read, and what is not is asked for. Values and
-//! times are those that stand in the text.
+//! Tables as devices and programs write them, by their manuals and by public reports: what is written is read, and what
+//! is not is asked for. Values and times are those that stand in the text.
 
 use std::path::Path;
 
@@ -100,7 +100,8 @@ fn labview_states_units_intervals_and_starts() {
     assert!((b.series.time_s[59] - 0.2 - 59.0 * 2e-3).abs() < 1e-9 && a.unit == b.unit, "{:?}", b.series.time_s);
 }
 
-/// Oscilloscopes: names and units in two lines, settings in the first columns, a counter with a stated increment. Volts are no pressure.
+/// Oscilloscopes: names and units in two lines, settings in the first columns, a counter with a stated increment. Volts
+/// are no pressure.
 #[test]
 fn oscilloscopes_state_when_and_give_volts() {
     let volts = |i: usize, p: f64| format!("{i},{:.4},,", 0.25 * p);

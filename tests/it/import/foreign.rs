@@ -84,7 +84,8 @@ fn tables_of_many_loggers_are_understood() {
     for (name, text, notes) in tables {
         let bench = bench();
         bench.put(name, &text);
-        // Nobody is there to agree: nothing is written, and the answer says what would be. Units behind underscores are no guess.
+        // Nobody is there to agree: nothing is written, and the answer says what would be. Units behind underscores are
+        // no guess.
         let is_guessed = name != "suffix.csv";
         if is_guessed {
             bench.refuses(&[name], &["--yes", "as understood"]);

@@ -1,4 +1,5 @@
-//! What a user relies on when data come from other programs: messy tables, TDMS, foreign MCAP, several files on several clocks.
+//! What a user relies on when data come from other programs: messy tables, TDMS, foreign MCAP, several files on several
+//! clocks.
 
 mod align;
 mod csv;

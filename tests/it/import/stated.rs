@@ -1,4 +1,5 @@
-//! What stands around a table and changes its numbers: factors, zeros, the vacuum, a thinned rate, missing numbers, the mean beside its extremes.
+//! What stands around a table and changes its numbers: factors, zeros, the vacuum, a thinned rate, missing numbers, the
+//! mean beside its extremes.
 
 use super::written::{PIPE, ROWS, bar, closure, folder, holds, read, run, table};
 
@@ -203,7 +204,8 @@ fn opcs_qualities_are_heeded() {
     assert!(file.repairs.iter().any(|r| r.lost && r.text.contains("'24' 6 ×")), "{:?}", file.repairs);
 }
 
-/// A clock that runs for another time than the date-times beside it is in another unit than it says, as WinCC's `Time_ms`, which are days.
+/// A clock that runs for another time than the date-times beside it is in another unit than it says, as WinCC's
+/// `Time_ms`, which are days.
 #[test]
 fn two_clocks_of_one_table_must_agree() {
     let row = |per_s: f64| {

@@ -1,5 +1,5 @@
-//! Numbers that read well and are none: readings that fell out, stand still or only repeat, counters that begin anew, signs and levels that the file
-//! leaves out.
+//! Numbers that read well and are none: readings that fell out, stand still or only repeat, counters that begin anew,
+//! signs and levels that the file leaves out.
 
 use super::{Bench, mended};
 
@@ -52,7 +52,8 @@ fn readings_that_fell_out_are_gaps_however_they_are_written() {
     }
 }
 
-/// A trough that touches the pressure of the air, a trigger, a valve that shuts and a flow that stops hold zeros of their own.
+/// A trough that touches the pressure of the air, a trigger, a valve that shuts and a flow that stops hold zeros of
+/// their own.
 #[test]
 fn zeros_that_the_neighbours_do_not_contradict_are_readings() {
     let bench = Bench::new(&[
@@ -221,7 +222,8 @@ fn lines_are_turned_around_and_a_filtered_channel_is_left_out() {
     holds_the_rest(&bench, |_| false);
 }
 
-/// With a rig that is there as with one that is made: what cannot be is not taken, unless somebody says what it stands for.
+/// With a rig that is there as with one that is made: what cannot be is not taken, unless somebody says what it stands
+/// for.
 #[test]
 fn readings_that_cannot_be_are_refused_until_somebody_says_what_they_stand_for() {
     for (factor, why) in [(100.0, "more than a laboratory pipe withstands"), (-1.0, "below a vacuum")] {

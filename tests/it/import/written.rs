@@ -1,4 +1,5 @@
-//! Read as written, or not at all: what a heading, a column of units or a column of channels says, and what nothing says.
+//! Read as written, or not at all: what a heading, a column of units or a column of channels says, and what nothing
+//! says.
 
 use std::path::Path;
 
@@ -61,7 +62,8 @@ pub(super) fn folder(files: &[(&str, &str)]) -> TempDir {
 pub(super) const PIPE: [&str; 10] =
     ["--material", "copper", "--length-m", "100", "--pipe", "22x1.5", "--temperature-degC", "18", "--yes", "--json"];
 
-/// The shipped logger's record of 4 s: time_s, and pressures at the valve and in the middle in bar, which closes after one second.
+/// The shipped logger's record of 4 s: time_s, and pressures at the valve and in the middle in bar, which closes after
+/// one second.
 pub(super) fn closure() -> Vec<[f64; 3]> {
     let text = std::fs::read_to_string(crate::common::here("recordings/logger.csv")).unwrap();
     let number = |cell: &str| cell.trim().parse::<f64>().ok();
@@ -73,7 +75,8 @@ pub(super) fn closure() -> Vec<[f64; 3]> {
     rows.collect()
 }
 
-/// A factor in a heading says that numbers are larger or smaller, and not which: they are refused until somebody says it.
+/// A factor in a heading says that numbers are larger or smaller, and not which: they are refused until somebody says
+/// it.
 #[test]
 fn a_factor_in_a_heading_is_no_unit() {
     for heading in ["P1 x10 (bar)", "P1 [x10] (bar)", "P1/100", "0.1*P1 (bar)", "P1 (bar/10)", "P1 x 10 bar"] {
@@ -97,7 +100,8 @@ fn a_factor_in_a_heading_is_no_unit() {
     }
 }
 
-/// Each row of one channel: time by time, in blocks of a time, with units in a column or in the names, or with numbers as names.
+/// Each row of one channel: time by time, in blocks of a time, with units in a column or in the names, or with numbers
+/// as names.
 #[test]
 fn a_table_in_long_form_is_read_by_its_channels() {
     let bars = [("bar", 1.0), ("bar", 1.0)];

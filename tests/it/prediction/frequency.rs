@@ -57,8 +57,8 @@ fn seen(time_s: &[f64], head_m: &[f64], period_s: f64, closing_s: f64, noise_m: 
     response(&traces, period_s, closing_s).unwrap()
 }
 
-/// A pipe without friction and creep between a reservoir and a closed valve rings at odd multiples of a/4L and at nothing else, with the
-/// strengths of a square wave: 4/(nπ) of Joukowsky's head, and less as the closure is slower.
+/// A pipe without friction and creep between a reservoir and a closed valve rings at odd multiples of a/4L and at
+/// nothing else, with the strengths of a square wave: 4/(nπ) of Joukowsky's head, and less as the closure is slower.
 #[test]
 fn an_elastic_pipe_has_exact_odd_harmonics() {
     let rig = rig(100.0, 50.0, 5.0, "friction_factor = 0.0");
@@ -99,8 +99,8 @@ fn roots(coefficients: &[f64]) -> Vec<C> {
 }
 
 /// A pipe with laminar friction and one Kelvin-Voigt element, by the poles and residues of its transfer function
-/// `dH(L,s) = V0 (s+R)/(g γ s) tanh(γL) L{-V'/V0}·s/s`, `γ² = s (s+R) χ/a²`, `χ = 1 + F J/(1+sτ)`, `R = 32ν/D²`: cosh γL vanishes where
-/// `(s²+Rs)(1+sτ+FJ) + Ω²(1+sτ) = 0`, `Ω = aπ(2n-1)/2L`.
+/// `dH(L,s) = V0 (s+R)/(g γ s) tanh(γL) L{-V'/V0}·s/s`, `γ² = s (s+R) χ/a²`, `χ = 1 + F J/(1+sτ)`, `R = 32ν/D²`: cosh
+/// γL vanishes where `(s²+Rs)(1+sτ+FJ) + Ω²(1+sτ) = 0`, `Ω = aπ(2n-1)/2L`.
 #[test]
 fn a_creeping_pipe_with_friction_agrees_with_its_transfer_function() {
     let (length, diameter, wall, speed, velocity, closing_s) = (60.0, 0.010, 0.0015, 350.0, 0.15, 0.03);
@@ -174,7 +174,8 @@ fn calibration_by_frequency_finds_what_calibration_in_time_finds() {
     }
 }
 
-/// The shipped record against a fitted model: the model has the harmonics where the record has them, the base model has not.
+/// The shipped record against a fitted model: the model has the harmonics where the record has them, the base model has
+/// not.
 #[test]
 fn the_view_shows_where_a_model_has_its_harmonics() {
     let folder = tempfile::tempdir().unwrap();
@@ -223,7 +224,8 @@ fn the_view_shows_where_a_model_has_its_harmonics() {
     refused(&["calibrate", own, "--misfit", "frequency", "--method", "global"], &[]);
 }
 
-/// In coloured noise the errors of a fit of frequencies are those that it makes: over eight draws, true values are as far off as errors say.
+/// In coloured noise the errors of a fit of frequencies are those that it makes: over eight draws, true values are as
+/// far off as errors say.
 #[test]
 fn a_fit_of_frequencies_knows_the_colour_of_the_noise() {
     let rig = plastic();

@@ -1,4 +1,5 @@
-//! What a model predicts, and what a record shows by frequency: on synthetic runs whose truth is known, and on recordings that ship.
+//! What a model predicts, and what a record shows by frequency: on synthetic runs whose truth is known, and on
+//! recordings that ship.
 
 mod frequency;
 mod predict;

@@ -18,7 +18,8 @@ fn inside(fit: &Fit) -> Vec<f64> {
     fit.runs.iter().flat_map(|r| &r.sensors).map(|s| s.inside_band().unwrap()).collect()
 }
 
-/// A model of one flow predicts another flow and another closing time down to the noise if its physics is whole, and does not if it is not.
+/// A model of one flow predicts another flow and another closing time down to the noise if its physics is whole, and
+/// does not if it is not.
 #[test]
 fn a_model_of_one_flow_predicts_another() {
     let rig = plastic();
@@ -48,7 +49,8 @@ fn a_model_of_one_flow_predicts_another() {
     );
 }
 
-/// A true model whose values come from a noisy record errs more than a quiet sensor's noise where it predicts: as much as it says.
+/// A true model whose values come from a noisy record errs more than a quiet sensor's noise where it predicts: as much
+/// as it says.
 #[test]
 fn a_true_model_that_is_poorly_known_is_not_called_wrong() {
     let rig = plastic();
@@ -69,7 +71,8 @@ fn a_true_model_that_is_poorly_known_is_not_called_wrong() {
     }
 }
 
-/// The true model in coloured noise leaves just that noise: neither a fit nor a prediction nor a fold left out speaks of missing physics.
+/// The true model in coloured noise leaves just that noise: neither a fit nor a prediction nor a fold left out speaks
+/// of missing physics.
 #[test]
 fn coloured_noise_is_noise() {
     let rig = plastic();

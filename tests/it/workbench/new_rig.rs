@@ -1,4 +1,5 @@
-//! A rig made from a table and the answers of a form: what is written is what the commands write, and a refusal writes nothing.
+//! A rig made from a table and the answers of a form: what is written is what the commands write, and a refusal writes
+//! nothing.
 
 use std::collections::BTreeSet;
 use std::path::Path;

@@ -85,7 +85,8 @@ fn a_messy_table_is_looked_at_then_imported_and_opened() {
     assert_eq!(refused["error"], "x.mcap is not an MCAP file");
 }
 
-/// Two loggers of one closure, each with a sensor of its own: dropped together they become what `import A B` makes of them.
+/// Two loggers of one closure, each with a sensor of its own: dropped together they become what `import A B` makes of
+/// them.
 #[test]
 fn two_files_of_one_closure_are_joined_as_the_command_joins_them() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,5 +1,5 @@
-//! How long the library takes for the simulation that `bars.py` calls from Python: the same rig, effects, settings and times. Prints the median of
-//! many calls, µs.
+//! How long the library takes for the simulation that `bars.py` calls from Python: the same rig, effects, settings and
+//! times. Prints the median of many calls, µs.
 
 use std::path::Path;
 use std::time::Instant;

@@ -90,7 +90,8 @@ impl Told {
     }
 }
 
-/// Runs `work` on all cores, or on so many `threads`, without holding the interpreter; `progress` is called on this thread.
+/// Runs `work` on all cores, or on so many `threads`, without holding the interpreter; `progress` is called on this
+/// thread.
 ///
 /// # Errors
 /// Those of the work; KeyboardInterrupt, or what `progress` raises, and the work ends at its next time step.

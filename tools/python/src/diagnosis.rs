@@ -124,7 +124,8 @@ impl Diagnosis {
 
 #[pymethods]
 impl Diagnosis {
-    /// missing-effect, nothing-missing (the residual is noise) or unknown-effect (something is missing that no effect of the catalogue explains).
+    /// missing-effect, nothing-missing (the residual is noise) or unknown-effect (something is missing that no effect
+    /// of the catalogue explains).
     #[getter]
     fn verdict(&self) -> &'static str {
         self.found.verdict.name()

@@ -40,11 +40,14 @@ pub struct Parameter {
     run: Option<String>,
     /// Fitted value, in `unit`.
     value: f64,
-    /// Lower end of the 95% interval, in `unit`; -inf where the data leave it open, NaN where the fit ended at no optimum.
+    /// Lower end of the 95% interval, in `unit`; -inf where the data leave it open, NaN where the fit ended at no
+    /// optimum.
     low: f64,
-    /// Upper end of the 95% interval, in `unit`; inf where the data leave it open, NaN where the fit ended at no optimum.
+    /// Upper end of the 95% interval, in `unit`; inf where the data leave it open, NaN where the fit ended at no
+    /// optimum.
     high: f64,
-    /// Standard error, in `unit`: 0 of a value that was held, inf where the data leave it open, NaN at a bound or where the fit ended at no optimum.
+    /// Standard error, in `unit`: 0 of a value that was held, inf where the data leave it open, NaN at a bound or where
+    /// the fit ended at no optimum.
     standard_error: f64,
     /// Unit.
     unit: &'static str,
@@ -207,7 +210,8 @@ impl FittedSensor {
         view(this.clone().into_any(), &this.get().own().model_m)
     }
 
-    /// Half the width of the band around the model that holds a sample with 95% probability, m; empty where it is not known.
+    /// Half the width of the band around the model that holds a sample with 95% probability, m; empty where it is not
+    /// known.
     #[getter]
     fn band_m<'py>(this: Bound<'py, Self>) -> Bound<'py, PyArray1<f64>> {
         view(this.clone().into_any(), &this.get().own().band_m)
@@ -263,14 +267,16 @@ impl Fit {
         self.fit.labels()
     }
 
-    /// Parameters by name. Of several runs, a run's own parameter is found by its name and its file: parameters["closing_time_s", "a.mcap"].
+    /// Parameters by name. Of several runs, a run's own parameter is found by its name and its file:
+    /// parameters["closing_time_s", "a.mcap"].
     #[getter]
     #[pyo3(name = "parameters")]
     fn by_name<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         parameters(py, &self.fit.parameters)
     }
 
-    /// Correlations between the errors of each two parameters, in their order, shape (parameters, parameters); NaN beside what is held or at a bound.
+    /// Correlations between the errors of each two parameters, in their order, shape (parameters, parameters); NaN
+    /// beside what is held or at a bound.
     #[getter]
     fn correlation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         Ok(PyArray2::from_vec2(py, &self.fit.correlation)?)
@@ -363,9 +369,11 @@ impl Fit {
         Ok(Diagnosis::new(found, self.origin.clone()))
     }
 
-    /// The model with one effect more, fitted; `evidence` says whether the recordings ask for it. `threads` and `progress` as in `Study.calibrate`.
+    /// The model with one effect more, fitted; `evidence` says whether the recordings ask for it. `threads` and
+    /// `progress` as in `Study.calibrate`.
     ///
-    /// Raises Error: an effect that does not exist, that the model has already or that excludes another, a model that cannot be simulated.
+    /// Raises Error: an effect that does not exist, that the model has already or that excludes another, a model that
+    /// cannot be simulated.
     #[pyo3(signature = (effect, *, threads = None, progress = None))]
     fn grow<'py>(
         &self,

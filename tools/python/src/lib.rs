@@ -1,4 +1,5 @@
-//! surgescope for Python: the front door of the library, `study`, as classes, with arrays of numpy. No physics is in here, and nothing is printed.
+//! surgescope for Python: the front door of the library, `study`, as classes, with arrays of numpy. No physics is in
+//! here, and nothing is printed.
 //!
 //! The package `surgescope` (`python/surgescope`) hands on what this module has.
 

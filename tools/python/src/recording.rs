@@ -25,7 +25,8 @@ use crate::error::{AnyError, sentence, warn};
 use crate::rig::{GivenRig, Rig};
 use crate::table::{Table, Values};
 
-/// A recorded test: the samples of each sensor, and the rig that it was made on. It does not change, and can be pickled.
+/// A recorded test: the samples of each sensor, and the rig that it was made on. It does not change, and can be
+/// pickled.
 #[pyclass(frozen, module = "surgescope")]
 pub struct Recording {
     /// Its name in tables and messages.
@@ -104,21 +105,22 @@ impl Sensor {
         view(this.clone().into_any(), &this.get().series().value)
     }
 
-    /// Piezometric heads, m of the fluid column above the rig's datum, at the recording's mean temperature; read-only, shape (samples,). None for
-    /// any other sensor than one of pressure.
+    /// Piezometric heads, m of the fluid column above the rig's datum, at the recording's mean temperature; read-only,
+    /// shape (samples,). None for any other sensor than one of pressure.
     #[getter]
     fn head_m<'py>(this: Bound<'py, Self>) -> Option<Bound<'py, PyArray1<f64>>> {
         this.get().heads_m().map(|heads_m| view(this.clone().into_any(), heads_m))
     }
 
-    /// Stretches in which samples are known to be missing: time of the last sample before, time of the first sample after (s), and how many, or
-    /// None where that is not known.
+    /// Stretches in which samples are known to be missing: time of the last sample before, time of the first sample
+    /// after (s), and how many, or None where that is not known.
     #[getter]
     fn gaps(&self) -> Vec<(f64, f64, Option<u64>)> {
         self.series().gaps.iter().map(|gap| (gap.from_s, gap.to_s, gap.samples)).collect()
     }
 
-    /// Times, readings and, for pressure, heads, with one sample of NaN in the middle of each gap, so that a plotted line breaks there. Copies.
+    /// Times, readings and, for pressure, heads, with one sample of NaN in the middle of each gap, so that a plotted
+    /// line breaks there. Copies.
     #[allow(clippy::type_complexity)] // what a caller unpacks
     fn with_nan_gaps<'py>(
         &self,
@@ -238,7 +240,8 @@ impl Recording {
         self.repairs.clone()
     }
 
-    /// A DataFrame of pandas: sensor, time_s (s), reading (in unit), unit, head_m (m; NaN where it is no pressure); a row a sample.
+    /// A DataFrame of pandas: sensor, time_s (s), reading (in unit), unit, head_m (m; NaN where it is no pressure); a
+    /// row a sample.
     ///
     /// Raises Error where pandas is not installed.
     fn to_pandas<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
@@ -308,12 +311,14 @@ impl Recording {
 
 /// Reads a recording, or imports a table of samples (CSV, Excel, TDMS, MAT, HDF5, MCAP of other programs) onto a rig.
 ///
-/// With `rig`, a recording is read on that rig instead of its own; a table needs one, as a path or a Rig. `yes` accepts what a file does not say
-/// and the importer would guess; without it such a file is refused, and the error shows the guesses. `without` names sensors that were not
-/// recorded. The rest says what a file does not say, as the options of `surgescope import` do: `map` {column: sensor}, `ignore` columns, `scale`
-/// {sensor: "1..5 -> 0..10 bar"}, `rate` (Hz), `time_unit` ("ms"), `date_order` ("dmy", "mdy"), `zone` ("+01:00"), `encoding`, `flow` ("0.25 L/s").
+/// With `rig`, a recording is read on that rig instead of its own; a table needs one, as a path or a Rig. `yes` accepts
+/// what a file does not say and the importer would guess; without it such a file is refused, and the error shows the
+/// guesses. `without` names sensors that were not recorded. The rest says what a file does not say, as the options of
+/// `surgescope import` do: `map` {column: sensor}, `ignore` columns, `scale` {sensor: "1..5 -> 0..10 bar"}, `rate`
+/// (Hz), `time_unit` ("ms"), `date_order` ("dmy", "mdy"), `zone` ("+01:00"), `encoding`, `flow` ("0.25 L/s").
 ///
-/// Raises Error with the sentence that the program prints: a file that is missing, damaged, cut off, or that contradicts the rig.
+/// Raises Error with the sentence that the program prints: a file that is missing, damaged, cut off, or that
+/// contradicts the rig.
 #[pyfunction]
 #[pyo3(signature = (
     path, rig = None, *, yes = false, without = Vec::new(), map = BTreeMap::new(), ignore = Vec::new(), scale = BTreeMap::new(), rate = None,

@@ -104,10 +104,10 @@ fn names(rig: &rig::Rig) -> Vec<String> {
 
 /// The head at each pressure sensor of a rig, m, for a closure that is only simulated.
 ///
-/// `effects` are added to the base model; `set` gives values to parameters by name, in the units of their names, and to the settings
-/// friction_factor, initial_velocity_m_s, valve_head_m, closing_time_s and reaches; what is not set is as `defaults` says. `times_s` are seconds
-/// after the start of the closure, shape (n,). `valve` is linear, flow-ramp or flow-cycloid. With `readings` the values are in each sensor's unit,
-/// as `surgescope simulate` writes them.
+/// `effects` are added to the base model; `set` gives values to parameters by name, in the units of their names, and to
+/// the settings friction_factor, initial_velocity_m_s, valve_head_m, closing_time_s and reaches; what is not set is as
+/// `defaults` says. `times_s` are seconds after the start of the closure, shape (n,). `valve` is linear, flow-ramp or
+/// flow-cycloid. With `readings` the values are in each sensor's unit, as `surgescope simulate` writes them.
 ///
 /// Returns {sensor: array of shape (n,)}. Warns where the water would boil in a model that does not let it.
 ///
@@ -158,9 +158,10 @@ fn columns(table: &Bound<'_, PyAny>) -> PyResult<Vec<Column>> {
 
 /// `simulate` for each row of a table of parameters, on all cores.
 ///
-/// `table` is {parameter: values} or a DataFrame, all columns of one length; `set` gives the values that all rows share. `threads` limits the cores.
-/// `failed` says what becomes of a row that cannot be simulated: "raise", or "nan" for a row of NaN. `progress` is a callable that takes a
-/// Progress; by default a bar of tqdm in a notebook; False for none.
+/// `table` is {parameter: values} or a DataFrame, all columns of one length; `set` gives the values that all rows
+/// share. `threads` limits the cores. `failed` says what becomes of a row that cannot be simulated: "raise", or "nan"
+/// for a row of NaN. `progress` is a callable that takes a Progress; by default a bar of tqdm in a notebook; False for
+/// none.
 ///
 /// Returns {sensor: array of shape (rows, n)}.
 ///
@@ -210,7 +211,8 @@ pub fn simulate_many<'py>(
             stop_if_told();
             Scenario::new((*rig).clone(), &effects, valve, settings)
         };
-        // Names and ranges first: a slip in the last row need not wait for the others. None is kept, for each holds a rig.
+        // Names and ranges first: a slip in the last row need not wait for the others. None is kept, for each holds a
+        // rig.
         checked_rows(settings.par_iter().map(|row| scenario(row).map(drop)).collect(), keeps_failed)?;
         let run = |settings: &Vec<(String, f64)>| {
             let scenario = scenario(settings)?;
@@ -252,8 +254,8 @@ fn checked_rows<T>(rows: Vec<Result<T, AnyError>>, keeps_failed: bool) -> Result
         .collect()
 }
 
-/// What a simulation uses where nothing else is set: {name: value} of all parameters and settings that are not in `set`, in the units of their
-/// names. `friction_factor` is the one at the initial flow.
+/// What a simulation uses where nothing else is set: {name: value} of all parameters and settings that are not in
+/// `set`, in the units of their names. `friction_factor` is the one at the initial flow.
 ///
 /// Raises Error as `simulate` does.
 #[pyfunction]

@@ -96,7 +96,8 @@ pub struct Call<'py> {
     pub progress: Option<Bound<'py, PyAny>>,
 }
 
-/// Recordings of one rig, ready to be calibrated and diagnosed. It does not change, and can be pickled: files are then opened again by their path.
+/// Recordings of one rig, ready to be calibrated and diagnosed. It does not change, and can be pickled: files are then
+/// opened again by their path.
 #[pyclass(frozen, module = "surgescope")]
 pub struct Study(pub Arc<Origin>);
 
@@ -202,10 +203,11 @@ fn warn_held(py: Python<'_>, study: &Opened, effects: &[Chosen], hold: &[Hold]) 
 impl Study {
     /// Reads, inspects and prepares recordings of one rig: paths, or recordings at hand.
     ///
-    /// `rig` is a rig file that replaces the stored rig; `ignore` names sensors that are left out, as if they had not been recorded. Warns of what
-    /// in the recordings should make a user look twice (`warnings`).
+    /// `rig` is a rig file that replaces the stored rig; `ignore` names sensors that are left out, as if they had not
+    /// been recorded. Warns of what in the recordings should make a user look twice (`warnings`).
     ///
-    /// Raises Error: no file, one that cannot be read or shows no closure, one given twice, recordings of different rigs, a sensor at fault.
+    /// Raises Error: no file, one that cannot be read or shows no closure, one given twice, recordings of different
+    /// rigs, a sensor at fault.
     #[new]
     #[pyo3(signature = (recordings, rig = None, *, ignore = Vec::new()))]
     fn new(py: Python<'_>, recordings: OneOrMore<'_>, rig: Option<PathBuf>, ignore: Vec<String>) -> PyResult<Study> {
@@ -238,13 +240,15 @@ impl Study {
 
     /// Fits a model.
     ///
-    /// `effects` are added to the base model: ["viscoelastic-wall:2", "leak"], or "none". `hold` holds parameters at a value, or keeps them between
-    /// two: {"wave_speed_m_s": 360.0, "leak_position_m": (50.0, 70.0)}; `start` says where the search starts. `method` is least-squares, global,
-    /// micro-ga, global-local or stepwise; `starts` are random starts of least-squares, `budget` simulations of a global search, `steps` those of
-    /// stepwise, `seed` that of all random draws, `most_reaches` the finest grid. `threads` limits the cores; `progress` is a callable that takes
-    /// a Progress, by default a bar of tqdm in a notebook, False for none.
+    /// `effects` are added to the base model: ["viscoelastic-wall:2", "leak"], or "none". `hold` holds parameters at a
+    /// value, or keeps them between two: {"wave_speed_m_s": 360.0, "leak_position_m": (50.0, 70.0)}; `start` says where
+    /// the search starts. `method` is least-squares, global, micro-ga, global-local or stepwise; `starts` are random
+    /// starts of least-squares, `budget` simulations of a global search, `steps` those of stepwise, `seed` that of all
+    /// random draws, `most_reaches` the finest grid. `threads` limits the cores; `progress` is a callable that takes a
+    /// Progress, by default a bar of tqdm in a notebook, False for none.
     ///
-    /// Raises Error: effects that do not exist or exclude each other, a parameter that the model does not have, a model that cannot be simulated.
+    /// Raises Error: effects that do not exist or exclude each other, a parameter that the model does not have, a model
+    /// that cannot be simulated.
     #[pyo3(signature = (
         effects = Effects::default(), *, hold = None, start = None, method = "least-squares", starts = None, budget = None, steps = None, seed = None,
         most_reaches = None, threads = None, progress = None
@@ -290,9 +294,11 @@ impl Study {
 
     /// Fits a model and says what it lacks.
     ///
-    /// Arguments as in `calibrate`; a number of elements that `effects` leave open is open for all models that are compared.
+    /// Arguments as in `calibrate`; a number of elements that `effects` leave open is open for all models that are
+    /// compared.
     ///
-    /// Raises Error as `calibrate` does; also for a sensor at fault (`sensor_faults`), for an effect would only stand in for the fault.
+    /// Raises Error as `calibrate` does; also for a sensor at fault (`sensor_faults`), for an effect would only stand
+    /// in for the fault.
     #[pyo3(signature = (effects = Effects::default(), *, hold = None, most_reaches = None, threads = None, progress = None))]
     fn diagnose<'py>(
         &self,

@@ -13,8 +13,9 @@ use crate::cli::console::outcome::CommandResult;
 
 /// Plan thousands of fits or simulations, and run them on a cluster.
 ///
-/// A plan becomes a folder with one task a line. Any number of runners, on one machine or many, work on shards of it. Finished tasks are kept and
-/// skipped, so a runner that was killed is simply started again. `results` turns the folder into one table.
+/// A plan becomes a folder with one task a line. Any number of runners, on one machine or many, work on shards of it.
+/// Finished tasks are kept and skipped, so a runner that was killed is simply started again. `results` turns the folder
+/// into one table.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     #[command(subcommand)]

@@ -12,8 +12,8 @@ use crate::shown::Shown as _;
 
 /// Turn a plan into tasks: each combination of recording, model, method and seed is one.
 ///
-/// The plan is a TOML file; its patterns are relative to its folder. A task's name is a hash of all that decides its result, with the checksum of
-/// each input. Planning the same again changes nothing.
+/// The plan is a TOML file; its patterns are relative to its folder. A task's name is a hash of all that decides its
+/// result, with the checksum of each input. Planning the same again changes nothing.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The plan.
@@ -22,7 +22,8 @@ pub struct Args {
     /// Folder of the campaign; made where it does not exist.
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
-    /// Copy the inputs into the folder, so that it can be moved to another machine [default: name them by path and checksum].
+    /// Copy the inputs into the folder, so that it can be moved to another machine [default: name them by path and
+    /// checksum].
     #[arg(long)]
     copy: bool,
 }

@@ -22,9 +22,9 @@ use crate::shown::Shown as _;
 
 /// Do the tasks of a shard that nobody has finished.
 ///
-/// It may be killed and started again at any time, and any number of runners may work on one shard. Ctrl-C and SIGTERM end it when the tasks at
-/// work are done, a second time at once. A task that fails is kept with its reason, and the rest goes on. Exit code 1: it was ended before all
-/// tasks were done.
+/// It may be killed and started again at any time, and any number of runners may work on one shard. Ctrl-C and SIGTERM
+/// end it when the tasks at work are done, a second time at once. A task that fails is kept with its reason, and the
+/// rest goes on. Exit code 1: it was ended before all tasks were done.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The campaign's folder.

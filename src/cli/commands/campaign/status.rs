@@ -22,7 +22,8 @@ use crate::shown::Shown as _;
 pub struct Args {
     /// The campaign's folder.
     dir: PathBuf,
-    /// Let the next run try again what has failed; with `=other-program`, do again what another version or build of the program has found.
+    /// Let the next run try again what has failed; with `=other-program`, do again what another version or build of the
+    /// program has found.
     #[arg(long, value_enum, value_name = "WHAT", num_args = 0..=1, require_equals = true, default_missing_value = "failed")]
     retry: Option<Retry>,
 }

@@ -1,4 +1,5 @@
-//! `surgescope demo`: the whole story, on a recording that ships with the project or with another effect hidden in a simulated test.
+//! `surgescope demo`: the whole story, on a recording that ships with the project or with another effect hidden in a
+//! simulated test.
 
 mod hidden;
 
@@ -41,7 +42,8 @@ pub struct Args {
     /// Hide this effect in the test; without it, a shipped test of a pipe whose wall creeps is played.
     #[arg(long, value_name = "EFFECT")]
     hidden: Option<String>,
-    /// Draw the hidden effect's values and the noise, with --hidden: the same number gives the same test [default: the values where a fit starts].
+    /// Draw the hidden effect's values and the noise, with --hidden: the same number gives the same test [default: the
+    /// values where a fit starts].
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
     /// List the effects that can be hidden.
@@ -181,7 +183,8 @@ fn list(json: bool) -> CommandResult {
     Ok(Outcome::Done)
 }
 
-/// How this program is called from where the user stands: by its name where the PATH leads to it, otherwise by its path.
+/// How this program is called from where the user stands: by its name where the PATH leads to it, otherwise by its
+/// path.
 fn program() -> String {
     // Within another program, such as Python, it is called by its name.
     let own = std::env::current_exe().ok().filter(|own| own.file_stem().is_some_and(|name| name == "surgescope"));

@@ -37,8 +37,8 @@ use crate::units::{Quantity, Unit};
 /// Write a rig file: asks what is not given, and takes the sensors from a file of the test.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Files of a test (CSV, Excel, TDMS, MCAP): their columns become the sensors. Several are parts of one run, or its sensors. Or a network of
-    /// EPANET (.inp).
+    /// Files of a test (CSV, Excel, TDMS, MCAP): their columns become the sensors. Several are parts of one run, or its
+    /// sensors. Or a network of EPANET (.inp).
     #[arg(value_name = "FILE")]
     files: Vec<PathBuf>,
     /// The rig file to write; must not exist.
@@ -80,8 +80,8 @@ pub struct Args {
     /// Distance of a sensor from the supply, m; without a file, a pressure sensor to add. Several may be given.
     #[arg(long, value_name = "NAME=M", value_parser = sensor_at)]
     sensor: Vec<(String, f64)>,
-    /// Unit of the pressures: of columns that state none, that --scale brings to it, and of sensors that --sensor adds [default: as the values
-    /// show it, otherwise bar].
+    /// Unit of the pressures: of columns that state none, that --scale brings to it, and of sensors that --sensor adds
+    /// [default: as the values show it, otherwise bar].
     #[arg(long, value_name = "UNIT", value_parser = pressure_unit)]
     unit: Option<Unit>,
     #[command(flatten)]

@@ -1,4 +1,5 @@
-//! Messages about changes: problems that appear or end, and steps of the trigger. And the progress line of every second.
+//! Messages about changes: problems that appear or end, and steps of the trigger. And the progress line of every
+//! second.
 
 use crate::cli::console::live::numbers::{bytes, lasting};
 use crate::cli::console::live::tone::Tone;
@@ -8,7 +9,8 @@ use crate::record::health::snapshot::{Disk, Phase, Snapshot, TriggerView};
 /// A disk that is full sooner than this is called out, s.
 pub(crate) const SHORT_OF_ROOM_S: f64 = 600.0;
 
-/// What has changed from one snapshot to the next, in sentences; with what to do about it, unless that is shown elsewhere.
+/// What has changed from one snapshot to the next, in sentences; with what to do about it, unless that is shown
+/// elsewhere.
 pub(crate) fn changes(before: Option<&Snapshot>, now: &Snapshot, advised: bool) -> Vec<(Tone, String)> {
     let nothing = Snapshot::default();
     let before = before.unwrap_or(&nothing);

@@ -1,7 +1,7 @@
 //! The live view of a recording: a block of lines on a terminal, a line a second elsewhere.
 //!
-//! It is drawn by a thread of its own, which is handed what to draw only when it is ready for it: a terminal that has stopped, or a
-//! reader that does not read, never holds up the recording.
+//! It is drawn by a thread of its own, which is handed what to draw only when it is ready for it: a terminal that has
+//! stopped, or a reader that does not read, never holds up the recording.
 
 pub(crate) mod changes;
 pub(crate) mod numbers;
@@ -118,7 +118,8 @@ impl Screen {
         Size { rows: rows.into(), columns: columns.into() }
     }
 
-    /// Draws the block anew, the news above it to stay. All in one piece; where the terminal is gone the recording goes on.
+    /// Draws the block anew, the news above it to stay. All in one piece; where the terminal is gone the recording goes
+    /// on.
     fn draw(&mut self, news: &[(Tone, String)], snapshot: &Snapshot) {
         let size = self.size();
         let _ = self.rewind(size.columns);
@@ -134,7 +135,8 @@ impl Screen {
         let _ = self.term.flush();
     }
 
-    /// Goes back to where the block begins, and takes it away. A terminal that has become narrower has wrapped its lines.
+    /// Goes back to where the block begins, and takes it away. A terminal that has become narrower has wrapped its
+    /// lines.
     fn rewind(&mut self, columns: usize) -> std::io::Result<()> {
         let rows: usize = self.drawn.drain(..).map(|width| width.div_ceil(columns).max(1)).sum();
         self.term.write_str("\r")?;

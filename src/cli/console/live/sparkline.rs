@@ -7,9 +7,10 @@ const LEVELS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█
 /// A cell whose values reach so many times as far as those of most cells holds a spike or a front.
 const SPIKE: f64 = 2.0;
 
-/// Draws least and most values in so many cells. Cells show their most and their least value by turns, so that noise is seen as a band; one
-/// that holds a spike, even of one sample, shows it; one without samples is blank. What moves by less than `least_span` in all is a
-/// level line. `newest` is the number of the last value since some beginning: values that share a cell go on doing so while the line moves.
+/// Draws least and most values in so many cells. Cells show their most and their least value by turns, so that noise is
+/// seen as a band; one that holds a spike, even of one sample, shows it; one without samples is blank. What moves by
+/// less than `least_span` in all is a level line. `newest` is the number of the last value since some beginning: values
+/// that share a cell go on doing so while the line moves.
 pub(crate) fn sparkline(trace: &[Option<[f64; 2]>], newest: i64, cells: usize, least_span: f64) -> String {
     if cells == 0 || trace.is_empty() {
         return String::new();

@@ -1,10 +1,11 @@
 //! The next test: what would tell two answers apart, or narrow a parameter, computed before anybody opens a valve.
 //!
-//! Each test that the rig can do is simulated under one answer; the other answer is then fitted to that, with what the records so far know of
-//! its parameters as prior. What it cannot follow is the evidence that the test is expected to bring (Hunter & Reiner 1965, Technometrics 7,
-//! 307; Atkinson & Fedorov 1975, Biometrika 62, 57: T-optimal designs), averaged over what the first answer's parameters may be. A parameter is
-//! narrowed most by the test whose linearised record holds most information on it (D-optimal for one parameter; Atkinson, Donev & Tobias 2007,
-//! Optimum Experimental Designs).
+//! Each test that the rig can do is simulated under one answer; the other answer is then fitted to that, with what the
+//! records so far know of its parameters as prior. What it cannot follow is the evidence that the test is expected to
+//! bring (Hunter & Reiner 1965, Technometrics 7, 307; Atkinson & Fedorov 1975, Biometrika 62, 57: T-optimal designs),
+//! averaged over what the first answer's parameters may be. A parameter is narrowed most by the test whose linearised
+//! record holds most information on it (D-optimal for one parameter; Atkinson, Donev & Tobias 2007, Optimum
+//! Experimental Designs).
 
 pub(crate) mod answer;
 pub(crate) mod change;
@@ -163,7 +164,8 @@ mod tests {
         calibrate(rig, runs, &parse_list(effects).unwrap(), &Options::default(), &|_| {}).unwrap()
     }
 
-    /// The evidence that a test is expected to bring is what it brings, once it is made and all records are fitted again.
+    /// The evidence that a test is expected to bring is what it brings, once it is made and all records are fitted
+    /// again.
     #[test]
     fn a_test_brings_the_evidence_that_was_expected_of_it() {
         let rig = rig();
@@ -196,7 +198,8 @@ mod tests {
         }
     }
 
-    /// A test that is made once more doubles the information: errors fall to about 1/√2 where neither priors nor the run's own values matter.
+    /// A test that is made once more doubles the information: errors fall to about 1/√2 where neither priors nor the
+    /// run's own values matter.
     #[test]
     fn a_repetition_narrows_as_a_second_record_does() {
         let rig = rig();

@@ -23,7 +23,8 @@ pub struct Separation {
     pub change: Change,
     /// The settings of the test.
     pub run: RunValues,
-    /// Logarithm of the odds that one such test is expected to bring for the answer that is true, whichever it is: the lesser of both.
+    /// Logarithm of the odds that one such test is expected to bring for the answer that is true, whichever it is: the
+    /// lesser of both.
     pub log_odds: f64,
     /// Such tests until the odds are 20:1; none where it would take too many.
     pub repeats: Option<usize>,
@@ -47,7 +48,8 @@ pub struct Curve {
 }
 
 impl Curve {
-    /// Where the curves differ most: the time after the closure, s, and by how much, m, averaged over a hundredth of the record.
+    /// Where the curves differ most: the time after the closure, s, and by how much, m, averaged over a hundredth of
+    /// the record.
     pub fn most(&self) -> (f64, f64) {
         let n = (self.time_s.len() / 100).max(1);
         let means = self
@@ -107,7 +109,8 @@ pub(crate) fn of(
     })
 }
 
-/// What puts right what the first answer blames and the other does not, in words for the lab; none where nothing can be put right.
+/// What puts right what the first answer blames and the other does not, in words for the lab; none where nothing can be
+/// put right.
 fn remedy(baseline: &Baseline, [one, other]: [&Answer; 2]) -> Option<String> {
     let blamed = one.effects.last()?;
     if other.effects.iter().any(|c| c.effect.name() == blamed.effect.name()) {
@@ -195,7 +198,8 @@ struct Test<'a> {
 }
 
 impl Test<'_> {
-    /// Half the square that the answer leaves of a record's samples and of what the records before knew, and the heads that it comes to.
+    /// Half the square that the answer leaves of a record's samples and of what the records before knew, and the heads
+    /// that it comes to.
     fn fitted(&self, record: &RunData) -> Result<(f64, Vec<Vec<f64>>), ModelError> {
         let runs = std::slice::from_ref(record);
         let model = self.stage.model(self.effects);
@@ -244,7 +248,8 @@ impl<'a> Informed<'a> {
         all
     }
 
-    /// The square of what counts as evidence: samples, and what earlier records know. What instruments say of the test itself does not.
+    /// The square of what counts as evidence: samples, and what earlier records know. What instruments say of the test
+    /// itself does not.
     fn evidence_rows(&self, residuals: &[f64]) -> f64 {
         let known = residuals.len() - self.known.centre.len();
         let square = |rows: &[f64]| dot(rows, rows);

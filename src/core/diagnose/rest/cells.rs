@@ -1,7 +1,7 @@
 //! What a fitted model leaves of one run, in cells of time that are even from the closure on, with the errors of each.
 //!
-//! A cell holds the mean of the samples in it. Its error is their noise, averaged where it is white, and whole where it is slow; and the share of the
-//! surge by which two right solvers differ.
+//! A cell holds the mean of the samples in it. Its error is their noise, averaged where it is white, and whole where it
+//! is slow; and the share of the surge by which two right solvers differ.
 
 use crate::diagnose::limits::MODEL_ERROR;
 use crate::extent::ends;

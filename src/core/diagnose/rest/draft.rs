@@ -1,4 +1,5 @@
-//! The draft of an effect of one's own from an explanation: the law that its forcing follows, with parameters that start where it was recovered.
+//! The draft of an effect of one's own from an explanation: the law that its forcing follows, with parameters that
+//! start where it was recovered.
 
 use crate::diagnose::rest::explanation::{Explanation, Site};
 use crate::diagnose::rest::law::Law;
@@ -39,7 +40,8 @@ impl Number {
     }
 }
 
-/// The file of an effect with the law that an explanation follows; none where it follows none that an effect can have at its place.
+/// The file of an effect with the law that an explanation follows; none where it follows none that an effect can have
+/// at its place.
 pub fn draft(name: &str, explanation: &Explanation) -> Option<String> {
     let (at, gives, law, numbers) = match (&explanation.site, explanation.pulsation, explanation.law?.0) {
         (Site::Pipe { .. } | Site::Valve, None, Law::OpensAbove { above_m, scale }) => {

@@ -1,10 +1,12 @@
 //! The forcing at a place as a linear inverse problem, and the evidence for the place.
 //!
-//! What the fitted model leaves is `y = J δ + A f + e`: its free variables may move by `δ`, which is known as well as it was before the fit, and the
-//! forcing `f` is a random process that forgets in a time `τ`, with jumps (Ornstein & Uhlenbeck 1930) or without (Matérn 1960). Errors `e` are independent, in units of their believed size
-//! times `s ≥ 1`. Integrated over `δ` and `f`, the likelihood of a place has a closed form (MacKay 1992, Neural Computation 4, 415; Tarantola 2005,
-//! Inverse Problem Theory, ch. 3); its greatest value over strength, `τ` and `s` is the place's evidence. This strength is also that of the discrepancy
-//! principle (Morozov 1966), wherever the place explains the record: what is left is as large as the errors.
+//! What the fitted model leaves is `y = J δ + A f + e`: its free variables may move by `δ`, which is known as well as
+//! it was before the fit, and the forcing `f` is a random process that forgets in a time `τ`, with jumps (Ornstein &
+//! Uhlenbeck 1930) or without (Matérn 1960). Errors `e` are independent, in units of their believed size times `s ≥ 1`.
+//! Integrated over `δ` and `f`, the likelihood of a place has a closed form (MacKay 1992, Neural Computation 4, 415;
+//! Tarantola 2005, Inverse Problem Theory, ch. 3); its greatest value over strength, `τ` and `s` is the place's
+//! evidence. This strength is also that of the discrepancy principle (Morozov 1966), wherever the place explains the
+//! record: what is left is as large as the errors.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -26,7 +28,8 @@ pub(crate) const PROCESSES: [Process; 6] = [
 /// A random process.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Process {
-    /// Where its slope is continuous, too, the angle by which it turns from knot to knot: an oscillator that noise drives. Otherwise it may jump.
+    /// Where its slope is continuous, too, the angle by which it turns from knot to knot: an oscillator that noise
+    /// drives. Otherwise it may jump.
     pub(crate) turn: Option<f64>,
     /// In how many knots it forgets.
     pub(crate) memory: f64,
@@ -38,8 +41,8 @@ impl Process {
         [30.0, 300.0].map(|memory| Process { turn: Some(std::f64::consts::TAU / knots), memory })
     }
 
-    /// Coefficients of the regression of a value on the two before it, and the variance of what is new in it, of a process of variance 1 (Box & Jenkins
-    /// 1970, Time Series Analysis, 3.2).
+    /// Coefficients of the regression of a value on the two before it, and the variance of what is new in it, of a
+    /// process of variance 1 (Box & Jenkins 1970, Time Series Analysis, 3.2).
     fn regression(self) -> ([f64; 2], f64) {
         let kept = (-1.0 / self.memory).exp();
         let Some(turn) = self.turn else { return ([kept, 0.0], 1.0 - kept * kept) };
@@ -47,7 +50,8 @@ impl Process {
         ([one, two], (1.0 + two) * ((1.0 - two).powi(2) - one * one) / (1.0 - two))
     }
 
-    /// Adds its precision, times `by`, to a lower triangle from row `first` on; returns the logarithm of the precision's determinant.
+    /// Adds its precision, times `by`, to a lower triangle from row `first` on; returns the logarithm of the
+    /// precision's determinant.
     fn add(self, by: f64, m: &mut [Vec<f64>], first: usize, knots: usize) -> f64 {
         let ([one, two], new) = self.regression();
         let correlation = one / (1.0 - two);
@@ -297,8 +301,8 @@ impl Cholesky {
 mod tests {
     use super::*;
 
-    /// The precision of a process of variance 1 is the inverse of its covariance, which is known in closed form: `ρ^|k|` with jumps, and of an
-    /// oscillator by the recursion of Yule and Walker.
+    /// The precision of a process of variance 1 is the inverse of its covariance, which is known in closed form:
+    /// `ρ^|k|` with jumps, and of an oscillator by the recursion of Yule and Walker.
     #[test]
     fn a_precision_is_the_inverse_of_its_covariance() {
         for process in PROCESSES.into_iter().chain(Process::tones(7.3)) {

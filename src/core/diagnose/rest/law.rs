@@ -1,6 +1,7 @@
 //! What a forcing follows: the head or the flow at its place, their rates, or a threshold.
 //!
-//! Each law is a regression of the recovered forcing, weighted by its errors; the one that leaves least is taken where it leaves little.
+//! Each law is a regression of the recovered forcing, weighted by its errors; the one that leaves least is taken where
+//! it leaves little.
 
 use crate::extent::ends;
 
@@ -119,7 +120,8 @@ pub(crate) fn law_of(value: &[f64], sd: &[f64], followed: &Followed) -> Option<(
 /// A law by its scale; the scale that fits, and the share of the forcing that it explains.
 type Fitted = (fn(f64) -> Law, (f64, f64));
 
-/// Slope of a forcing over `x`, with a level of its own or through zero, and the share of its weighted variance that this explains.
+/// Slope of a forcing over `x`, with a level of its own or through zero, and the share of its weighted variance that
+/// this explains.
 fn regression(value: &[f64], sd: &[f64], x: &[f64], has_level: bool) -> (f64, f64) {
     let weights: Vec<f64> = sd.iter().map(|sd| 1.0 / sd.powi(2)).collect();
     let total: f64 = weights.iter().sum();

@@ -1,10 +1,13 @@
-//! What would explain the rest: where nothing in the catalogue does, the forcing that is missing, without a shape given.
+//! What would explain the rest: where nothing in the catalogue does, the forcing that is missing, without a shape
+//! given.
 //!
 //! 1. What the fitted model leaves of a run is averaged in [`cells`].
-//! 2. At each of the [`places`], the [`response`] to a [`pulse`] is simulated: the head of the supply, a flow out at the valve or along the pipe, a head
-//!    added at a sensor, a strain of the wall.
-//! 3. The forcing at a place is a linear [`inverse`] problem with a closed-form evidence, by which the places are [`ranking`].
-//! 4. The forcing at the best places is described: its [`waveform`], the [`law`] that it follows, and both in [`words`].
+//! 2. At each of the [`places`], the [`response`] to a [`pulse`] is simulated: the head of the supply, a flow out at
+//!    the valve or along the pipe, a head added at a sensor, a strain of the wall.
+//! 3. The forcing at a place is a linear [`inverse`] problem with a closed-form evidence, by which the places are
+//!    [`ranking`].
+//! 4. The forcing at the best places is described: its [`waveform`], the [`law`] that it follows, and both in
+//!    [`words`].
 
 pub(crate) mod cells;
 pub mod draft;
@@ -42,8 +45,8 @@ use crate::fit::search::thresholds::COARSE_REACHES;
 use crate::model::{Model, ModelError};
 use crate::rig::Rig;
 
-/// What would explain what a fitted model leaves of `runs`: the most probable place first, then those that cannot be told from it. Nothing where
-/// nothing is left.
+/// What would explain what a fitted model leaves of `runs`: the most probable place first, then those that cannot be
+/// told from it. Nothing where nothing is left.
 ///
 /// # Errors
 /// As [`Model::simulate`].
@@ -88,7 +91,8 @@ pub fn explain(
     let top = best.log_odds(rig);
     let odds: f64 = all.iter().map(|kind| (kind.log_odds(rig) - top).exp()).sum::<f64>() + (-top).exp();
     let probability = |kind: &Kind| (kind.log_odds(rig) - top).exp() / odds;
-    // Places whose waves are the same share their probability, the supply first: nothing but the waveform's shape speaks for one of them.
+    // Places whose waves are the same share their probability, the supply first: nothing but the waveform's shape
+    // speaks for one of them.
     let alike = all.iter().position(|kind| is_same_wave(best, kind));
     let shared = alike.map(|i| 0.5 * (probability(best) + probability(&all[i])));
     let mut shown: Vec<(&Kind, f64)> = all
@@ -122,8 +126,8 @@ impl Kind<'_> {
         self.runs.iter().max_by(|a, b| a.2.total_cmp(&b.2))
     }
 
-    /// Logarithm of its odds over no forcing. All places of a pipe are as probable beforehand: of one that is found at a place, only the part that it
-    /// is known to counts.
+    /// Logarithm of its odds over no forcing. All places of a pipe are as probable beforehand: of one that is found at
+    /// a place, only the part that it is known to counts.
     fn log_odds(&self, rig: &Rig) -> f64 {
         let part = self.shown().filter(|(c, ..)| c.spot.position_m().is_some()).map_or(1.0, |(c, ..)| {
             (c.position_m().1 * std::f64::consts::TAU.sqrt() / rig.line_length_m(c.spot.line(rig))).min(1.0)
@@ -132,8 +136,8 @@ impl Kind<'_> {
     }
 }
 
-/// Whether one of two places is the supply and the other lies between it and all sensors: waves that pass the first sensor are all that either sends,
-/// so there is a waveform of each that no sensor can tell from the other's.
+/// Whether one of two places is the supply and the other lies between it and all sensors: waves that pass the first
+/// sensor are all that either sends, so there is a waveform of each that no sensor can tell from the other's.
 fn is_same_wave(one: &Kind, other: &Kind) -> bool {
     let is_before = |kind: &Kind| kind.runs.iter().all(|(c, ..)| c.before_sensors_m().is_some());
     (one.is_supply() && is_before(other)) || (is_before(one) && other.is_supply())
@@ -154,7 +158,8 @@ fn described(kind: &Kind, probability: f64) -> Result<Option<Explanation>, Model
         }
     };
     let Some(solution) = normal(run, &contender.data, spot, times)?.solved(found) else { return Ok(None) };
-    // A sum of splines at a knot. At the valve, the modes of a wall's strain add up with alternating signs, each in its own measure.
+    // A sum of splines at a knot. At the valve, the modes of a wall's strain add up with alternating signs, each in its
+    // own measure.
     let at_knot = |c: &[f64], k: usize| (c[k - 1] + 4.0 * c[k] + c[(k + 1).min(c.len() - 1)]) / 6.0;
     let sum = |of: &[Vec<f64>], k: usize| -> f64 {
         of.iter().zip([1.0, -1.0 / 3.0]).map(|(component, sign)| sign * at_knot(component, k)).sum()

@@ -3,10 +3,11 @@
 use crate::diagnose::rest::cells::Run;
 use crate::rig::Rig;
 
-/// Places of a line at which a flow out is tried, evenly spaced over its length, and the shape modes of a strain of the wall.
+/// Places of a line at which a flow out is tried, evenly spaced over its length, and the shape modes of a strain of the
+/// wall.
 const PLACES: usize = 20;
-/// Own modes of a line in which its wall strains: the first two, which hold 90% of the energy of a wave between a tank and a closed valve
-/// (`Σ 1/(2m+1)²` of `π²/8`).
+/// Own modes of a line in which its wall strains: the first two, which hold 90% of the energy of a wave between a tank
+/// and a closed valve (`Σ 1/(2m+1)²` of `π²/8`).
 pub(crate) const MODES: usize = 2;
 
 /// One place.

@@ -1,7 +1,8 @@
 //! A short pulse of forcing at one place: what a Green's function is simulated with.
 //!
-//! It is an effect as those of the catalogue are, but never a candidate: it adds a cubic B-spline of a given size, time and width between knots to the supply's head, takes it as
-//! a flow out of the pipe, or spreads it as a strain along the wall.
+//! It is an effect as those of the catalogue are, but never a candidate: it adds a cubic B-spline of a given size, time
+//! and width between knots to the supply's head, takes it as a flow out of the pipe, or spreads it as a strain along
+//! the wall.
 
 use crate::model::boundary::Supply;
 use crate::model::contribution::{Implicit, LineTerm};

@@ -1,7 +1,8 @@
 //! The places of one run, ranked by evidence.
 //!
-//! A fit that lacks a forcing has moved its variables to make up for it. So they first go back to what the instruments say; all places are screened
-//! there. The best place of each kind then contends: variables and forcing move together, and a place along a pipe with them (Gauss-Newton).
+//! A fit that lacks a forcing has moved its variables to make up for it. So they first go back to what the instruments
+//! say; all places are screened there. The best place of each kind then contends: variables and forcing move together,
+//! and a place along a pipe with them (Gauss-Newton).
 
 use rayon::prelude::*;
 
@@ -50,7 +51,8 @@ impl Contender<'_> {
         (alone && is_before).then_some(first_m)
     }
 
-    /// Position along a pipe and its standard error, m: before all sensors anywhere as probable, else the mean over those that were tried, each for the stretch to its neighbours.
+    /// Position along a pipe and its standard error, m: before all sensors anywhere as probable, else the mean over
+    /// those that were tried, each for the stretch to its neighbours.
     pub(crate) fn position_m(&self) -> (f64, f64) {
         if let Some(first_m) = self.before_sensors_m() {
             return (0.5 * first_m, first_m / 12f64.sqrt());
@@ -70,7 +72,8 @@ impl Contender<'_> {
     }
 }
 
-/// What the run leaves at its variables' values, against which a forcing is judged; and how far each free variable may move.
+/// What the run leaves at its variables' values, against which a forcing is judged; and how far each free variable may
+/// move.
 fn data(run: &Run, times: &Times) -> Result<(Data, Vec<(f64, f64)>), ModelError> {
     let cells = run.rows(times);
     let left = run.left_in(&run.x, &cells, true)?;
@@ -93,8 +96,9 @@ fn data(run: &Run, times: &Times) -> Result<(Data, Vec<(f64, f64)>), ModelError>
     Ok((Data { rows, y, slopes }, reach))
 }
 
-/// Moves the variables to where they are when what the model leaves counts as an error: samples whose errors are alike count once. A fit that lacks
-/// something has gone wherever that makes up for it, far from what the instruments say; from there no place looks right.
+/// Moves the variables to where they are when what the model leaves counts as an error: samples whose errors are alike
+/// count once. A fit that lacks something has gone wherever that makes up for it, far from what the instruments say;
+/// from there no place looks right.
 fn doubt(run: &mut Run, times: &Times) -> Result<(), ModelError> {
     let (mut data, reach) = data(run, times)?;
     let left = run.left_in(&run.x, &run.rows(times), true)?;

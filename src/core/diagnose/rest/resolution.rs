@@ -11,7 +11,8 @@ const MOST_KNOTS: usize = 400;
 const LOST: f64 = 0.2;
 /// Share of what is left that the knots cover in time.
 const COVERED_SHARE: f64 = 0.9;
-/// Periods before the closure in which a forcing makes up for what moves in the pipe then: a wave goes there and back in half a period.
+/// Periods before the closure in which a forcing makes up for what moves in the pipe then: a wave goes there and back
+/// in half a period.
 const BEFORE_PERIODS: f64 = 0.5;
 
 /// The coarsest knots that show what the model leaves.

@@ -1,7 +1,8 @@
 //! Green's functions: what each sensor shows after a pulse of forcing at a place, by simulation.
 //!
-//! The pulse follows the closure at once, when the valve rests, and is so small that the model answers linearly. What it answers depends on the time
-//! since the pulse alone, but for friction, which goes with the flow, and for the closure itself. So one simulation stands for a pulse at any time.
+//! The pulse follows the closure at once, when the valve rests, and is so small that the model answers linearly. What
+//! it answers depends on the time since the pulse alone, but for friction, which goes with the flow, and for the
+//! closure itself. So one simulation stands for a pulse at any time.
 
 use crate::diagnose::rest::cells::{CELLS, Run, Times};
 use crate::diagnose::rest::places::{MODES, Spot};
@@ -16,8 +17,8 @@ const SMALL: f64 = 1e-4;
 /// Periods between the end of the closure and the pulse.
 const QUIET_PERIODS: f64 = 0.1;
 
-/// The answers to a unit pulse that stands at one knot: of each component of the forcing, of each sensor of the run and then of head (m) and flow (m³/s)
-/// at the place itself, by cells since one knot before it.
+/// The answers to a unit pulse that stands at one knot: of each component of the forcing, of each sensor of the run and
+/// then of head (m) and flow (m³/s) at the place itself, by cells since one knot before it.
 pub(crate) type Response = Vec<Vec<Vec<f64>>>;
 
 /// Head, m, and flow, m³/s, that a model has at a place, by cells after the closure.

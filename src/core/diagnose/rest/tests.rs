@@ -81,8 +81,8 @@ fn where_nothing_is_hidden_nothing_is_shown() {
     assert_eq!(explain(&rig, &runs, &fit, &options, &|_| {}).unwrap(), []);
 }
 
-/// A head of the supply reaches the closed valve after `L/a`, doubled; a flow out there lowers its head at once by `a/(gA)`. Friction takes a few
-/// per cent.
+/// A head of the supply reaches the closed valve after `L/a`, doubled; a flow out there lowers its head at once by
+/// `a/(gA)`. Friction takes a few per cent.
 #[test]
 fn pulses_arrive_as_waves_do() {
     let rig = rig();

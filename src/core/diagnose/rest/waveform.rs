@@ -127,8 +127,8 @@ mod tests {
     use crate::model::RunValues;
     use crate::rig::Rig;
 
-    /// A tone is read to a small part of the distance of two frequencies that the record tells apart; the record before the closure, at 0.2 s, has one
-    /// of its own or not.
+    /// A tone is read to a small part of the distance of two frequencies that the record tells apart; the record before
+    /// the closure, at 0.2 s, has one of its own or not.
     #[test]
     fn a_tone_is_a_pulsation_with_its_frequency() {
         let rig = Rig::from_toml(HDPE, "rig.toml").unwrap();

@@ -83,9 +83,9 @@ pub fn prepare(file: &str, rig: &Rig, recording: &Recording, features: &Features
     }
 }
 
-/// The velocity that a slow closure stops, m/s, from the impulse of the head that it takes: `V = g/x ∫(H - H_after + h) dt` for the water between the
-/// supply and the sensor at `x`. The friction loss `h`, at first what the head lacks of that after the closure, goes with the square of a velocity
-/// that falls evenly.
+/// The velocity that a slow closure stops, m/s, from the impulse of the head that it takes:
+/// `V = g/x ∫(H - H_after + h) dt` for the water between the supply and the sensor at `x`. The friction loss `h`, at
+/// first what the head lacks of that after the closure, goes with the square of a velocity that falls evenly.
 fn impulse_velocity(recording: &Recording, features: &Features) -> Option<f64> {
     let (closure, sensor) = (&features.closure, features.sensors.get(features.reference)?);
     let end_s = closure.end_s.filter(|_| closure.slow)?;
@@ -99,8 +99,9 @@ fn impulse_velocity(recording: &Recording, features: &Features) -> Option<f64> {
     Some(GRAVITY_M_S2 * (impulse + loss) / sensor.position_m).filter(|v| *v > 0.0 && v.is_finite())
 }
 
-/// The closing time that the pressures show: always of a slow closure, whose end the oscillation after it tells to a fraction of a period, while the rig
-/// file's may be off by many; of a fast one where the rig file's is far from it. Where several valves close, the end is that of the last.
+/// The closing time that the pressures show: always of a slow closure, whose end the oscillation after it tells to a
+/// fraction of a period, while the rig file's may be off by many; of a fast one where the rig file's is far from it.
+/// Where several valves close, the end is that of the last.
 fn shown_closing_time(rig: &Rig, features: &Features) -> Option<ShownClosing> {
     if rig.graph.others_that_close().next().is_some() {
         return None;
@@ -116,8 +117,8 @@ fn shown_closing_time(rig: &Rig, features: &Features) -> Option<ShownClosing> {
     (seen_s > 0.0 && (closure.slow || !agree)).then_some(shown)
 }
 
-/// Leaves out and counts the samples at which a pressure sensor is at the end of its range. An end below the vapour pressure does not count: the
-/// water boils before.
+/// Leaves out and counts the samples at which a pressure sensor is at the end of its range. An end below the vapour
+/// pressure does not count: the water boils before.
 fn leave_saturated_out(
     rig: &Rig,
     recording: &Recording,
@@ -139,8 +140,8 @@ fn leave_saturated_out(
     before - kept.iter().filter(|keep| **keep).count()
 }
 
-/// The measured wave speed, by the first method whose result the pipes allow: a joint or a branch can reflect a front that
-/// looks like the supply's, and a skewed clock or a wrong velocity misleads the others.
+/// The measured wave speed, by the first method whose result the pipes allow: a joint or a branch can reflect a front
+/// that looks like the supply's, and a skewed clock or a wrong velocity misleads the others.
 fn plausible_speed(rig: &Rig, water: &WaterProperties, features: &Features) -> Option<f64> {
     let (_, low, high) = rig.wave_speed_start(water);
     let speeds = &features.wave_speed;
@@ -184,8 +185,8 @@ fn flow_uncertainty(rig: &Rig, velocity_m_s: f64) -> f64 {
     stated.unwrap_or(DEFAULT_FLOW_UNCERTAINTY).hypot(2.0 * diameter).clamp(1e-3, 1.0)
 }
 
-/// Head before the valve: of the nearest sensor that shows steady pressure, less the friction between; where there is none, a
-/// guess with its uncertainty.
+/// Head before the valve: of the nearest sensor that shows steady pressure, less the friction between; where there is
+/// none, a guess with its uncertainty.
 fn valve_head(
     rig: &Rig,
     features: &Features,
@@ -246,8 +247,8 @@ fn drives(rig: &Rig, sensor: &SensorFeatures) -> bool {
 
 /// The head at position 0 minus its mean before the closure, on the recording's clock, where it drives the model.
 ///
-/// A frictionless pipe is a resonator that would respond to the sensor's noise as to a wave. So the noise is smoothed out, by
-/// the longest window whose residual does not exceed the noise.
+/// A frictionless pipe is a resonator that would respond to the sensor's noise as to a wave. So the noise is smoothed
+/// out, by the longest window whose residual does not exceed the noise.
 fn supply_deviation(rig: &Rig, recording: &Recording, features: &Features) -> Option<(Vec<f64>, Vec<f64>)> {
     let driver = features.sensors.iter().find(|s| drives(rig, s))?;
     let (time_s, head_m) = heads(recording, driver.sensor, features.temperature_degc);

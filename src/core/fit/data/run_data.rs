@@ -1,4 +1,5 @@
-//! The data of a run that a fit uses: heads, noise, and what is known beforehand of its velocity, head, closure and offsets.
+//! The data of a run that a fit uses: heads, noise, and what is known beforehand of its velocity, head, closure and
+//! offsets.
 
 use crate::fit::data::thresholds::DEFAULT_ACCURACY_PERCENT;
 use crate::model::Conditions;
@@ -21,7 +22,8 @@ pub struct SensorData {
     pub total_noise_m: f64,
     /// Tones of the mains that its wiring picks up.
     pub hum: Vec<Tone>,
-    /// Root mean square of a lasting oscillation in the pipe before the closure, as of a pump, m: no model of a closure follows it.
+    /// Root mean square of a lasting oscillation in the pipe before the closure, as of a pump, m: no model of a closure
+    /// follows it.
     pub oscillation_m: f64,
     /// Standard deviation of its zero error, m.
     pub offset_sd_m: f64,
@@ -30,7 +32,8 @@ pub struct SensorData {
 }
 
 impl SensorData {
-    /// Standard deviation of its gain error: an accuracy is a limit, below which all errors are equally likely (JCGM 100:2008, 4.3.7).
+    /// Standard deviation of its gain error: an accuracy is a limit, below which all errors are equally likely (JCGM
+    /// 100:2008, 4.3.7).
     pub fn gain_sd(&self) -> f64 {
         self.sensor.accuracy_percent_fs.unwrap_or(DEFAULT_ACCURACY_PERCENT) / 100.0 / 3f64.sqrt()
     }

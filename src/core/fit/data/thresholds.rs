@@ -4,11 +4,11 @@
 pub(crate) const DEFAULT_FLOW_UNCERTAINTY: f64 = 0.01;
 /// Relative uncertainty of a velocity taken from the pressure rise where there is no flow meter. Chosen.
 pub(crate) const JOUKOWSKY_UNCERTAINTY: f64 = 0.2;
-/// Factor by which the rig file's closing time may differ from the one that the pressures show before these are believed. Derived: 1.4 standard deviations
-/// of what is known of it beforehand.
+/// Factor by which the rig file's closing time may differ from the one that the pressures show before these are
+/// believed. Derived: 1.4 standard deviations of what is known of it beforehand.
 pub(crate) const CLOSING_TIME_FACTOR: f64 = 2.0;
-/// Standard error of the time at which a closure is seen to end, in periods of the oscillation after it. Derived: an eighth is half the stretch over which
-/// the head comes to repeat itself.
+/// Standard error of the time at which a closure is seen to end, in periods of the oscillation after it. Derived: an
+/// eighth is half the stretch over which the head comes to repeat itself.
 pub(crate) const CLOSURE_END_PERIODS: f64 = 0.125;
 /// A sensor's lower end this close to the vapour pressure, Pa, does not count: the water boils there. Chosen.
 pub(crate) const VAPOUR_MARGIN_PA: f64 = 5e3;

@@ -1,9 +1,10 @@
 //! The covariance of fitted variables, from all known disturbances.
 //!
-//! `C = A M A` with `A = (JᵀJ)⁻¹` and `M` the covariance of `Jᵀr`: that of autocorrelated noise (see [`crate::fit::inference::noise_autocorrelation`]), of priors, and of the errors that an
-//! instrument makes in all its samples alike, whose size is known but whose value is not fitted (Jazwinski 1970, Stochastic
-//! Processes and Filtering Theory, sec. 8.4; "consider" covariance). Where the noise is white and as large as believed, and nothing
-//! else disturbs, `C = A`.
+//! `C = A M A` with `A = (JᵀJ)⁻¹` and `M` the covariance of `Jᵀr`: that of autocorrelated noise (see
+//! [`crate::fit::inference::noise_autocorrelation`]), of priors, and of the errors that an instrument makes in all its
+//! samples alike, whose size is known but whose value is not fitted (Jazwinski 1970, Stochastic Processes and Filtering
+//! Theory, sec. 8.4; "consider" covariance). Where the noise is white and as large as believed, and nothing else
+//! disturbs, `C = A`.
 
 use std::ops::Range;
 
@@ -30,8 +31,8 @@ pub struct Linearised<'a> {
     pub common: &'a [CommonError],
     /// Variables that are held at a bound.
     pub at_bound: &'a [bool],
-    /// Where records are compared as something else than the samples that contain the noise, the same derivatives and residuals seen from the samples
-    /// (`Bᵀ` of columns that compare `B r`), with the samples' records; otherwise none.
+    /// Where records are compared as something else than the samples that contain the noise, the same derivatives and
+    /// residuals seen from the samples (`Bᵀ` of columns that compare `B r`), with the samples' records; otherwise none.
     pub in_time: Option<InTime<'a>>,
 }
 
@@ -47,14 +48,15 @@ pub struct InTime<'a> {
 }
 
 impl<'a> Linearised<'a> {
-    /// Whether the noise from `before` the closure has died away in the residuals, for each group of records. While the valve
-    /// closed it was still there, and limits what only the closure shows.
+    /// Whether the noise from `before` the closure has died away in the residuals, for each group of records. While the
+    /// valve closed it was still there, and limits what only the closure shows.
     pub(crate) fn decayed(&self, before: &[Vec<Vec<f64>>]) -> Vec<bool> {
         let left = self.left().into_iter().zip(before);
         left.map(|(left, before)| mean_square(&left) < DECAYED_NOISE_SHARE * mean_square(before)).collect()
     }
 
-    /// The noise that counts in each group of records: that of `before` where it has `decayed`, the residuals elsewhere.
+    /// The noise that counts in each group of records: that of `before` where it has `decayed`, the residuals
+    /// elsewhere.
     pub(crate) fn noise_that_counts(&self, before: &[Vec<Vec<f64>>], decayed: &[bool]) -> Vec<Vec<Vec<f64>>> {
         let groups = self.left().into_iter().zip(before).zip(decayed);
         groups.map(|((left, before), decayed)| if *decayed { before.clone() } else { left }).collect()
@@ -87,16 +89,19 @@ fn mean_square(series: &[Vec<f64>]) -> f64 {
     values.clone().map(|v| v * v).sum::<f64>() / values.count().max(1) as f64
 }
 
-/// Covariances of the variables. Rows and columns of variables at a bound are zero; a variable that the data leave open has an infinite variance.
+/// Covariances of the variables. Rows and columns of variables at a bound are zero; a variable that the data leave open
+/// has an infinite variance.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Errors {
     /// `C`.
     pub covariance: DMatrix<f64>,
     /// `A`: what `C` would be with white noise as large as believed, and nothing else.
     pub believed: DMatrix<f64>,
-    /// The part of `C` from noise and priors, over the combinations that the data determine: the others move nothing at the samples.
+    /// The part of `C` from noise and priors, over the combinations that the data determine: the others move nothing at
+    /// the samples.
     pub by_noise: DMatrix<f64>,
-    /// Sum of squares that the fit takes from noise and priors, `tr(A M)`: one for each variable where all is as believed.
+    /// Sum of squares that the fit takes from noise and priors, `tr(A M)`: one for each variable where all is as
+    /// believed.
     pub taken: f64,
 }
 
@@ -163,8 +168,8 @@ impl Errors {
         if variance == 0.0 { f64::NAN } else { variance.sqrt() }
     }
 
-    /// How much more a variable scatters than with the noise as believed: the factor by which a rise of the sum of squares along it
-    /// counts less (Kent 1982, Biometrika 69, 19). Not below 1.
+    /// How much more a variable scatters than with the noise as believed: the factor by which a rise of the sum of
+    /// squares along it counts less (Kent 1982, Biometrika 69, 19). Not below 1.
     pub fn inflation(&self, j: usize) -> f64 {
         let ratio = self.covariance[(j, j)] / self.believed[(j, j)];
         if ratio.is_finite() { ratio.max(1.0) } else { 1.0 }
@@ -213,8 +218,8 @@ mod tests {
         assert!((gauge.of_variable(0) - expected).abs() < 1e-12, "{}", gauge.of_variable(0));
     }
 
-    /// A line through n points known to σ: at the mean of the abscissas the curve is known to σ/√n, at an end to twice that. Where the same column
-    /// stands twice the data do not separate the two, but determine their sum.
+    /// A line through n points known to σ: at the mean of the abscissas the curve is known to σ/√n, at an end to twice
+    /// that. Where the same column stands twice the data do not separate the two, but determine their sum.
     #[test]
     fn the_covariance_of_a_line_is_the_textbooks_and_leaves_out_what_is_open() {
         let n = 1001;
@@ -289,7 +294,8 @@ mod tests {
         assert!(more.of_variable(2).is_nan() && more.of_variable(3) > 0.5);
     }
 
-    /// NIST StRD Misra1a's columns at its certified values: the certified standard errors, from the spread that NIST takes.
+    /// NIST StRD Misra1a's columns at its certified values: the certified standard errors, from the spread that NIST
+    /// takes.
     #[test]
     fn believed_errors_are_those_of_nist() {
         let t = [77.6, 114.9, 141.1, 190.8, 239.9, 289.0, 332.8, 378.4, 434.8, 477.3, 536.8, 593.1, 689.1, 760.0];

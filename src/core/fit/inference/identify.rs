@@ -1,9 +1,10 @@
 //! Which combinations of parameters the recordings do not determine.
 //!
-//! The unit of each variable is its uncertainty without the recordings: its prior, its bounds, or a factor of two, whichever is least. Along an
-//! eigenvector of the normal matrix in these units whose eigenvalue is below 1, the recordings add less than that (Vajda et al. 1989, Chem. Eng.
-//! Sci. 44, 49; Cui et al. 2014, Inverse Problems 30, 114015). Zero errors of sensors take the accuracy that they have and are
-//! left out. The space of all such directions counts: variables that share one cannot be told apart.
+//! The unit of each variable is its uncertainty without the recordings: its prior, its bounds, or a factor of two,
+//! whichever is least. Along an eigenvector of the normal matrix in these units whose eigenvalue is below 1, the
+//! recordings add less than that (Vajda et al. 1989, Chem. Eng. Sci. 44, 49; Cui et al. 2014, Inverse Problems
+//! 30, 114015). Zero errors of sensors take the accuracy that they have and are left out. The space of all such
+//! directions counts: variables that share one cannot be told apart.
 
 use nalgebra::DMatrix;
 
@@ -160,7 +161,8 @@ fn combination(problem: &FitProblem, errors: &Errors, [i, j]: [usize; 2]) -> Opt
     Some((powers(first, second, power), 100.0 * variance.sqrt()))
 }
 
-/// The power `q` with which `x + q y` has least variance, of variances `a`, `c` and covariance `b`, rounded to ±1 where it is near; with that variance.
+/// The power `q` with which `x + q y` has least variance, of variances `a`, `c` and covariance `b`, rounded to ±1 where
+/// it is near; with that variance.
 fn best_power(a: f64, b: f64, c: f64) -> Option<(f64, f64)> {
     let q = -b / c;
     let q = if (q.abs() - 1.0).abs() < UNIT_EXPONENT_WITHIN { q.signum() } else { (100.0 * q).round() / 100.0 };
@@ -189,7 +191,8 @@ fn listed(names: &[String]) -> String {
 mod tests {
     use super::*;
 
-    /// Creep slower than the record: only J/τ shows. Normal matrix of ln J, ln τ, a third that is seen, and a fourth that nothing shows.
+    /// Creep slower than the record: only J/τ shows. Normal matrix of ln J, ln τ, a third that is seen, and a fourth
+    /// that nothing shows.
     #[test]
     fn what_goes_together_is_found_whatever_the_basis() {
         let mut matrix = DMatrix::zeros(4, 4);

@@ -1,11 +1,12 @@
-//! 95% intervals from standard errors: symmetric in the variable that the fit moves (mostly a logarithm), open where a bound cuts them off.
+//! 95% intervals from standard errors: symmetric in the variable that the fit moves (mostly a logarithm), open where a
+//! bound cuts them off.
 
 use crate::fit::inference::errors::{Errors, Linearised};
 use crate::fit::numeric::quantiles::Z_95;
 use crate::fit::problem::fit_problem::FitProblem;
 
-/// The linear interval of variable `j`, in the parameter's unit; an open end is infinite. A variable at a bound has the rise of the sum of squares
-/// away from it: `d²/σ² + 2 g d`, `g` the slope that presses it against the bound.
+/// The linear interval of variable `j`, in the parameter's unit; an open end is infinite. A variable at a bound has the
+/// rise of the sum of squares away from it: `d²/σ² + 2 g d`, `g` the slope that presses it against the bound.
 pub(crate) fn linear(problem: &FitProblem, fit: Linearised, errors: &Errors, x: &[f64], j: usize) -> (f64, f64) {
     use crate::fit::numeric::least_squares::Problem;
     let (lower, upper) = problem.bounds();

@@ -1,13 +1,15 @@
 //! The effect of autocorrelated noise on the errors of a fit: the covariance of the scores `Jᵀe`.
 //!
-//! Least squares with stationary noise that is not white has `Cov(Jᵀe) = Jᵀ R J`, `R` the noise's autocovariance (Grenander 1954, Ann.
-//! Math. Statist. 25, 252). Over frequency that is each column's spectrum weighted by the noise's (Grenander & Rosenblatt 1957, Statistical
-//! Analysis of Stationary Time Series, ch. 7): noise counts at the frequencies that a parameter moves. The noise's spectrum is the periodogram of
-//! the residuals, or of samples before the closure, over its broad shape (see [`shape`]), averaged over neighbours (Daniell 1946), over more of them
-//! at higher frequencies.
+//! Least squares with stationary noise that is not white has `Cov(Jᵀe) = Jᵀ R J`, `R` the noise's autocovariance
+//! (Grenander 1954, Ann. Math. Statist. 25, 252). Over frequency that is each column's spectrum weighted by the noise's
+//! (Grenander & Rosenblatt 1957, Statistical Analysis of Stationary Time Series, ch. 7): noise counts at the
+//! frequencies that a parameter moves. The noise's spectrum is the periodogram of the residuals, or of samples before
+//! the closure, over its broad shape (see [`shape`]), averaged over neighbours (Daniell 1946), over more of them at
+//! higher frequencies.
 //!
-//! Instruments that are sampled together may err together (mains, a pump, the supply's level): their spectrum is the matrix of their
-//! cross-spectra (Hannan 1970, Multiple Time Series, ch. VII), averaged alike. Coherent noise adds up over them; incoherent noise averages out.
+//! Instruments that are sampled together may err together (mains, a pump, the supply's level): their spectrum is the
+//! matrix of their cross-spectra (Hannan 1970, Multiple Time Series, ch. VII), averaged alike. Coherent noise adds up
+//! over them; incoherent noise averages out.
 
 use crate::fit::inference::thresholds::{MIN_SMOOTHING_NEIGHBOURS, SMOOTHING_SHARE};
 pub(crate) mod shape;
@@ -19,8 +21,8 @@ use rayon::prelude::*;
 use realfft::num_complex::Complex;
 use realfft::{RealFftPlanner, RealToComplex};
 
-/// Records that were sampled together, equally many samples each: the range of each one's samples among the residuals, and its noise, from there or
-/// elsewhere at the same rate.
+/// Records that were sampled together, equally many samples each: the range of each one's samples among the residuals,
+/// and its noise, from there or elsewhere at the same rate.
 pub type Together<'a> = Vec<(Range<usize>, &'a [f64])>;
 
 /// `Jᵀ R J` over records, each the samples of one instrument in their order. Noise is in units of its believed size: a
@@ -241,8 +243,8 @@ mod tests {
         assert!((apart / first - 2.0).abs() < 1e-9, "{apart} {first}");
     }
 
-    /// The sum over three sensors of noise that is common to all, that is each one's own, and half of each; of a column that the sensors see alike, one
-    /// late by a tenth of a period, and one that the third sees upside down.
+    /// The sum over three sensors of noise that is common to all, that is each one's own, and half of each; of a column
+    /// that the sensors see alike, one late by a tenth of a period, and one that the third sees upside down.
     #[test]
     fn noise_that_sensors_share_adds_up_over_them() {
         let (n, draws) = (1500, 60);

@@ -1,7 +1,8 @@
 //! Whether a search has ended at an optimum: by the reduction that an undamped Gauss-Newton step predicts from there.
 //!
-//! The prediction is the square of Newton's decrement (Boyd & Vandenberghe 2004, Convex Optimization, sec. 9.5.1) of the linearised problem. In units of
-//! what one sample leaves it is the square of the distance to the optimum in standard errors of white noise.
+//! The prediction is the square of Newton's decrement (Boyd & Vandenberghe 2004, Convex Optimization, sec. 9.5.1) of
+//! the linearised problem. In units of what one sample leaves it is the square of the distance to the optimum in
+//! standard errors of white noise.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -12,8 +13,8 @@ use crate::product::{along, gram, plus};
 
 /// Reduction of the sum of squares that the linearised problem predicts from `x` within its `bounds`, never negative.
 ///
-/// Least squares in a box by active sets (Stark & Parker 1995, Comput. Stat. 10, 129): each step lowers the sum, and a variable that a bound has stopped is released where
-/// that lowers it further.
+/// Least squares in a box by active sets (Stark & Parker 1995, Comput. Stat. 10, 129): each step lowers the sum, and a
+/// variable that a bound has stopped is released where that lowers it further.
 pub(crate) fn predicted_reduction(columns: &[Vec<f64>], residuals: &[f64], x: &[f64], bounds: (&[f64], &[f64])) -> f64 {
     reduction_of(columns, residuals, &bounded_step(columns, residuals, x, bounds))
 }
@@ -78,7 +79,8 @@ fn undamped(normal: &DMatrix<f64>, slope: &DVector<f64>, free: &[usize]) -> DVec
     step
 }
 
-/// Why an end is no optimum, from where a step predicts a `reduction` in units of what one of the `samples` leaves; and what to do.
+/// Why an end is no optimum, from where a step predicts a `reduction` in units of what one of the `samples` leaves; and
+/// what to do.
 pub(crate) fn not_at_optimum(reduction: f64, samples: usize, method: Method) -> String {
     let share = 100.0 * (reduction / samples.max(1) as f64).min(1.0);
     let digits = if share < 0.1 { 3 } else { usize::from(share < 10.0) };

@@ -1,7 +1,8 @@
 //! Evolution strategy whose covariance adapts to the valleys of the cost, over the unit cube: CMA-ES.
 //!
-//! Hansen (2016), The CMA evolution strategy: a tutorial, arXiv:1604.00772, with the weights and rates of its table 1, without negative weights.
-//! A point beyond a bound is put on it (Biedrzycki 2020, Swarm Evol. Comput. 52, 100627, on repairs).
+//! Hansen (2016), The CMA evolution strategy: a tutorial, arXiv:1604.00772, with the weights and rates of its table 1,
+//! without negative weights. A point beyond a bound is put on it (Biedrzycki 2020, Swarm Evol. Comput. 52, 100627, on
+//! repairs).
 
 use nalgebra::{DMatrix, DVector};
 
@@ -56,8 +57,8 @@ impl Rates {
     }
 }
 
-/// Goes on from `members`, sorted, the best first: least `cost` seen within `budget` evaluations, and where. `on_generation` receives the
-/// evaluations so far and the least cost of each generation.
+/// Goes on from `members`, sorted, the best first: least `cost` seen within `budget` evaluations, and where.
+/// `on_generation` receives the evaluations so far and the least cost of each generation.
 pub(crate) fn minimise(
     cost: &(impl Fn(&[f64]) -> f64 + Sync),
     members: &[Member],
@@ -160,7 +161,8 @@ mod tests {
         members
     }
 
-    /// An ellipsoid a thousand times as long as wide, turned, and a bent valley (of three dimensions: from four on it has another minimum).
+    /// An ellipsoid a thousand times as long as wide, turned, and a bent valley (of three dimensions: from four on it
+    /// has another minimum).
     #[test]
     fn long_turned_and_bent_valleys_are_followed_to_their_bottom() {
         let turned = |x: &[f64]| -> f64 {

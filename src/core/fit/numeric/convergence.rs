@@ -1,10 +1,12 @@
 //! Whether chains of draws have come to one distribution, and how many independent draws they are worth.
 //!
-//! Vehtari, Gelman, Simpson, Carpenter & Bürkner 2021 (Bayesian Anal. 16, 667): draws become normal scores of their ranks, and chains are split in halves.
-//! R̂ compares the variance between with that within. Of many short chains it is taken between ensembles, whose chains have no memory of each other
-//! (nested R̂: Margossian et al. 2024, Bayesian Anal., doi 10.1214/24-BA1453): between single ones it would ask for as many draws of each. A chain that stays apart from
-//! the others of its ensemble shows in the number of independent draws, which follows from autocorrelations, summed as far as Geyer's (1992) initial monotone
-//! sequence goes. Each is that of the worst of the draws, of their distances from the median or whether they lie in a tail.
+//! Vehtari, Gelman, Simpson, Carpenter & Bürkner 2021 (Bayesian Anal. 16, 667): draws become normal scores of their
+//! ranks, and chains are split in halves. R̂ compares the variance between with that within. Of many short chains it is
+//! taken between ensembles, whose chains have no memory of each other (nested R̂: Margossian et al. 2024, Bayesian
+//! Anal., doi 10.1214/24-BA1453): between single ones it would ask for as many draws of each. A chain that stays apart
+//! from the others of its ensemble shows in the number of independent draws, which follows from autocorrelations,
+//! summed as far as Geyer's (1992) initial monotone sequence goes. Each is that of the worst of the draws, of their
+//! distances from the median or whether they lie in a tail.
 
 use statrs::distribution::{ContinuousCDF, Normal};
 
@@ -150,7 +152,8 @@ mod tests {
         assert!(with(&|v| 1.5 * v) > 1.02, "{}", with(&|v| 1.5 * v));
     }
 
-    /// A chain that stays three standard deviations away from the seven others: all draws are worth little more than one of each chain.
+    /// A chain that stays three standard deviations away from the seven others: all draws are worth little more than
+    /// one of each chain.
     #[test]
     fn a_chain_that_stays_apart_is_worth_one_draw() {
         let mut apart = chains(0.0);

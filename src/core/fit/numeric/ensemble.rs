@@ -1,11 +1,14 @@
 //! Sampling a density known up to a factor by ensembles of walkers that learn its shape from each other.
 //!
-//! Coordinates are those in which the density is about standard normal, as far as that is known. Half of the moves lean on it: they go towards the middle and a random step away, such that a standard
-//! normal density would take every one, and the density decides by how it differs (preconditioned Crank-Nicolson: Cotter, Roberts, Stuart & White 2013, Stat. Sci.
-//! 28, 424). The others lean on nothing. A walker of one half of an ensemble is moved by walkers of the other half: mostly along the difference of two of
-//! them (ter Braak 2006, Stat. Comput. 16, 239), sometimes towards or away from one (the snooker move of ter Braak & Vrugt 2008, Stat. Comput. 18, 435). Neither
-//! asks for a scale, a covariance or a slope, and bounds are places of density zero. Halves move in turn, so that all walkers of a half move at once
-//! (Foreman-Mackey et al. 2013, PASP 125, 306). Several ensembles that know nothing of each other show whether they found the same density.
+//! Coordinates are those in which the density is about standard normal, as far as that is known. Half of the moves lean
+//! on it: they go towards the middle and a random step away, such that a standard normal density would take every one,
+//! and the density decides by how it differs (preconditioned Crank-Nicolson: Cotter, Roberts, Stuart & White 2013,
+//! Stat. Sci. 28, 424). The others lean on nothing. A walker of one half of an ensemble is moved by walkers of the
+//! other half: mostly along the difference of two of them (ter Braak 2006, Stat. Comput. 16, 239), sometimes towards or
+//! away from one (the snooker move of ter Braak & Vrugt 2008, Stat. Comput. 18, 435). Neither asks for a scale, a
+//! covariance or a slope, and bounds are places of density zero. Halves move in turn, so that all walkers of a half
+//! move at once (Foreman-Mackey et al. 2013, PASP 125, 306). Several ensembles that know nothing of each other show
+//! whether they found the same density.
 
 use rayon::prelude::*;
 
@@ -204,8 +207,8 @@ mod tests {
         }
     }
 
-    /// Haario, Saksman & Tamminen's (1999) banana: `y = x₂ + b x₁² - b s²`, `x₁` of variance `s²`, `y` of variance 1. So `x₂` has mean 0 and variance
-    /// `1 + 2 b² s⁴`.
+    /// Haario, Saksman & Tamminen's (1999) banana: `y = x₂ + b x₁² - b s²`, `x₁` of variance `s²`, `y` of variance 1.
+    /// So `x₂` has mean 0 and variance `1 + 2 b² s⁴`.
     #[test]
     fn a_banana_is_drawn_with_its_moments() {
         let (b, s2) = (0.5, 4.0);

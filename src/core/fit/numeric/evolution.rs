@@ -1,9 +1,10 @@
-//! Differential evolution over the unit cube, with parameters that adapt to what succeeds and a population that shrinks, L-SHADE; and from half of
-//! the budget on, CMA-ES in the valley that was found (see [`crate::fit::numeric::cma`]).
+//! Differential evolution over the unit cube, with parameters that adapt to what succeeds and a population that
+//! shrinks, L-SHADE; and from half of the budget on, CMA-ES in the valley that was found (see
+//! [`crate::fit::numeric::cma`]).
 //!
-//! Storn & Price (1997, J. Glob. Optim. 11, 341); mutation `current-to-pbest/1` with an archive after Zhang & Sanderson (2009, IEEE Trans.
-//! Evol. Comput. 13, 945); memory of successful `F` and `CR`, and linear shrinking, after Tanabe & Fukunaga (2014, IEEE CEC, 1658). The two in one search:
-//! Mohamed, Hadi, Fattouh & Jambi (2017, IEEE CEC, 145).
+//! Storn & Price (1997, J. Glob. Optim. 11, 341); mutation `current-to-pbest/1` with an archive after Zhang & Sanderson
+//! (2009, IEEE Trans. Evol. Comput. 13, 945); memory of successful `F` and `CR`, and linear shrinking, after Tanabe &
+//! Fukunaga (2014, IEEE CEC, 1658). The two in one search: Mohamed, Hadi, Fattouh & Jambi (2017, IEEE CEC, 145).
 
 use crate::fit::numeric::cma;
 use crate::fit::numeric::population::{Member, evaluated, normal, sort};
@@ -26,8 +27,8 @@ struct Memory {
     next: usize,
 }
 
-/// Least `cost` over the unit cube of `start.len()` dimensions, seen within `budget` evaluations, and where; `start` is among the first members.
-/// `on_generation` receives the evaluations so far and the least cost of each generation.
+/// Least `cost` over the unit cube of `start.len()` dimensions, seen within `budget` evaluations, and where; `start` is
+/// among the first members. `on_generation` receives the evaluations so far and the least cost of each generation.
 pub(crate) fn minimise(
     cost: &(impl Fn(&[f64]) -> f64 + Sync),
     start: &[f64],

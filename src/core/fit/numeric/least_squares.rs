@@ -1,7 +1,8 @@
 //! Bounded nonlinear least squares: Levenberg-Marquardt with Nielsen's damping, projected on a box.
 //!
-//! Marquardt (1963); Nielsen (1999), IMM-REP-1999-05, for the damping; variables held at a bound while the gradient pushes
-//! outwards (Kanzow, Yamashita & Fukushima 2004). The Jacobian's columns are independent simulations and run in parallel.
+//! Marquardt (1963); Nielsen (1999), IMM-REP-1999-05, for the damping; variables held at a bound while the gradient
+//! pushes outwards (Kanzow, Yamashita & Fukushima 2004). The Jacobian's columns are independent simulations and run in
+//! parallel.
 
 use crate::fit::numeric::thresholds::{
     ACCELERATION_PROBE, FIRST_DAMPING, FIRST_DAMPING_NEAR, MAX_ACCELERATION, MAX_STALLS, NO_DAMPING,
@@ -17,13 +18,14 @@ pub trait Problem: Sync {
     type Error: Send;
     /// Residuals, already divided by their standard deviations; always of one length.
     fn residuals(&self, x: &[f64]) -> Result<Vec<f64>, Self::Error>;
-    /// The same with only variable `j` changed from a point whose residuals are `base`: problems whose residuals fall into
-    /// parts save the parts that `j` does not touch.
+    /// The same with only variable `j` changed from a point whose residuals are `base`: problems whose residuals fall
+    /// into parts save the parts that `j` does not touch.
     fn residuals_moved(&self, x: &[f64], j: usize, base: &[f64]) -> Result<Vec<f64>, Self::Error> {
         let _ = (j, base);
         self.residuals(x)
     }
-    /// A problem that changes almost alike and costs less, whose differences make the Jacobian; none where this one's do.
+    /// A problem that changes almost alike and costs less, whose differences make the Jacobian; none where this one's
+    /// do.
     fn cheaper(&self) -> Option<&Self> {
         None
     }
@@ -46,8 +48,8 @@ pub struct Limits {
     pub cost_tolerance: f64,
     /// Largest change of a variable below which it is settled.
     pub step_tolerance: f64,
-    /// Follow narrow, bent valleys to their ends from a near start: the first step is hardly damped, steps have a second-order part, and
-    /// the descent ends only where an undamped step would not gain more either.
+    /// Follow narrow, bent valleys to their ends from a near start: the first step is hardly damped, steps have a
+    /// second-order part, and the descent ends only where an undamped step would not gain more either.
     pub thorough: bool,
 }
 
@@ -106,8 +108,8 @@ pub struct Solution {
     pub stop: Stop,
 }
 
-/// The second-order part of a step, in scaled variables (Transtrum & Sethna 2012, arXiv:1201.5885): the valley bends where the residuals
-/// bend along the step. None where the acceleration is too large to be trusted.
+/// The second-order part of a step, in scaled variables (Transtrum & Sethna 2012, arXiv:1201.5885): the valley bends
+/// where the residuals bend along the step. None where the acceleration is too large to be trusted.
 #[allow(clippy::too_many_arguments)]
 fn geodesic_acceleration<P: Problem>(
     problem: &P,
@@ -147,14 +149,14 @@ fn half_square(residuals: &[f64]) -> f64 {
     0.5 * dot(residuals, residuals)
 }
 
-/// Whether two descents stand in one place, whatever the names of their variables: their residuals differ by no more than `most`, half the sum of
-/// squares.
+/// Whether two descents stand in one place, whatever the names of their variables: their residuals differ by no more
+/// than `most`, half the sum of squares.
 pub fn have_met(a: &[f64], b: &[f64], most: f64) -> bool {
     a.len() == b.len() && 0.5 * a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>() <= most
 }
 
-/// The Jacobian by forward differences, one column a variable (backward where the upper bound is near or the problem ends), of the problem or of
-/// a cheaper one that stands for it.
+/// The Jacobian by forward differences, one column a variable (backward where the upper bound is near or the problem
+/// ends), of the problem or of a cheaper one that stands for it.
 ///
 /// # Errors
 /// An evaluation that fails on both sides.
@@ -187,7 +189,8 @@ pub fn jacobian<P: Problem>(problem: &P, x: &[f64], base: &[f64]) -> Result<Vec<
 /// Minimises half the sum of squared residuals from `start`; `progress` sees iteration and cost.
 ///
 /// # Errors
-/// Only if the start itself cannot be evaluated, or a Jacobian at an accepted point; a trial step that fails is a bad step.
+/// Only if the start itself cannot be evaluated, or a Jacobian at an accepted point; a trial step that fails is a bad
+/// step.
 pub fn minimise<P: Problem>(
     problem: &P,
     start: &[f64],
@@ -395,7 +398,8 @@ mod tests {
         }
     }
 
-    /// In a blunt corner the slope on either side promises little and no step gains anything: a thorough descent does not go on trying.
+    /// In a blunt corner the slope on either side promises little and no step gains anything: a thorough descent does
+    /// not go on trying.
     #[test]
     fn a_descent_ends_where_no_step_can_gain() {
         let corner = |x: &[f64]| vec![1.0 + 1e-4 * x[0].abs(), x[0]];
@@ -445,7 +449,8 @@ mod tests {
         assert_eq!(s.at_bound, [true, false]);
     }
 
-    /// NIST StRD, Misra1a (lower difficulty): certified b1 = 238.94212918, b2 = 5.5015643181e-4, s.e. 2.7070075241, 7.2668688436e-6.
+    /// NIST StRD, Misra1a (lower difficulty): certified b1 = 238.94212918, b2 = 5.5015643181e-4,
+    /// s.e. 2.7070075241, 7.2668688436e-6.
     #[test]
     fn nist_misra1a_with_its_standard_errors() {
         let y = [10.07, 14.73, 17.94, 23.93, 29.61, 35.18, 40.02, 44.82, 50.76, 55.05, 61.01, 66.40, 75.47, 81.78];

@@ -1,8 +1,10 @@
-//! The micro-genetic algorithm: five members, no mutation, and a restart around the best whenever they have become alike.
+//! The micro-genetic algorithm: five members, no mutation, and a restart around the best whenever they have become
+//! alike.
 //!
-//! Krishnakumar (1989, Proc. SPIE 1196, 289), with the uniform crossover and tournaments of Carroll (1996, AIAA J. 34, 338), strings in Gray code
-//! (Caruana & Schaffer 1988), and a window around the best that narrows as the budget is spent (successive zooming, Kwon et al. 2003, Comput.
-//! Struct. 81, 1715): without it, random members of the whole box hardly ever improve on a good one.
+//! Krishnakumar (1989, Proc. SPIE 1196, 289), with the uniform crossover and tournaments of Carroll (1996, AIAA J.
+//! 34, 338), strings in Gray code (Caruana & Schaffer 1988), and a window around the best that narrows as the budget is
+//! spent (successive zooming, Kwon et al. 2003, Comput. Struct. 81, 1715): without it, random members of the whole box
+//! hardly ever improve on a good one.
 
 use crate::fit::numeric::thresholds::{MICRO_ALIKE_SHARE, MICRO_BITS, MICRO_LAST_WIDTH, MICRO_MEMBERS};
 use rayon::prelude::*;
@@ -51,8 +53,8 @@ struct Member {
     cost: f64,
 }
 
-/// Least `cost` over the unit cube of `start.len()` dimensions, seen within `budget` evaluations, and where; `start` is among the first members.
-/// `on_generation` receives the evaluations so far and the least cost of each generation.
+/// Least `cost` over the unit cube of `start.len()` dimensions, seen within `budget` evaluations, and where; `start` is
+/// among the first members. `on_generation` receives the evaluations so far and the least cost of each generation.
 pub(crate) fn minimise(
     cost: &(impl Fn(&[f64]) -> f64 + Sync),
     start: &[f64],

@@ -3,8 +3,8 @@
 /// Half a 95% interval of the normal distribution, in standard deviations.
 pub const Z_95: f64 = 1.959_964;
 
-/// Half a 95% interval of Student's distribution in standard errors, by Cornish and Fisher's expansion in the inverse of its degrees of
-/// freedom (Abramowitz & Stegun 26.7.5); those below 1 count as 1.
+/// Half a 95% interval of Student's distribution in standard errors, by Cornish and Fisher's expansion in the inverse
+/// of its degrees of freedom (Abramowitz & Stegun 26.7.5); those below 1 count as 1.
 pub fn student_95(freedom: f64) -> f64 {
     let (z, v) = (Z_95, freedom.max(1.0));
     let [z3, z5, z7] = [3, 5, 7].map(|n| z.powi(n));

@@ -2,10 +2,12 @@
 
 /// Relative difference between the best and the worst point of a generation at which CMA-ES stops. Tuned; data unknown.
 pub(crate) const CMA_SPREAD_TOLERANCE: f64 = 1e-10;
-/// Least standard deviation of a variable in the first generation of CMA-ES, as a share of its range. Tuned; data unknown.
+/// Least standard deviation of a variable in the first generation of CMA-ES, as a share of its range. Tuned; data
+/// unknown.
 pub(crate) const CMA_LEAST_SPREAD: f64 = 1e-4;
 
-/// Members of the first population of the differential evolution, for each variable. Tuned; Tanabe & Fukunaga (2014) take 18.
+/// Members of the first population of the differential evolution, for each variable. Tuned; Tanabe & Fukunaga (2014)
+/// take 18.
 pub(crate) const MEMBERS_PER_VARIABLE: usize = 10;
 /// Members that the population keeps at least: what the mutation needs (Tanabe & Fukunaga 2014).
 pub(crate) const LEAST_MEMBERS: usize = 4;
@@ -15,7 +17,8 @@ pub(crate) const MEMORY_SIZE: usize = 6;
 pub(crate) const BEST_SHARE: f64 = 0.11;
 /// Size of the archive of replaced members, in populations (Tanabe & Fukunaga 2014).
 pub(crate) const ARCHIVE_SIZE: f64 = 2.6;
-/// Relative difference between the best and the worst member at which the differential evolution stops. Tuned; data unknown.
+/// Relative difference between the best and the worst member at which the differential evolution stops. Tuned; data
+/// unknown.
 pub(crate) const EVOLUTION_SPREAD_TOLERANCE: f64 = 1e-6;
 /// Share of the budget after which CMA-ES takes over. Tuned; data unknown.
 pub(crate) const EXPLORATION_SHARE: f64 = 0.5;
@@ -31,29 +34,33 @@ pub(crate) const MICRO_LAST_WIDTH: f64 = 0.003;
 
 /// Share of a step at which the curvature of the residuals along it is measured (Transtrum & Sethna 2012).
 pub(crate) const ACCELERATION_PROBE: f64 = 0.1;
-/// Largest acceleration that is trusted, in lengths of the step: twice that is Transtrum & Sethna's (2012) bound of 0.75.
+/// Largest acceleration that is trusted, in lengths of the step: twice that is Transtrum & Sethna's (2012) bound
+/// of 0.75.
 pub(crate) const MAX_ACCELERATION: f64 = 0.375;
 /// Damping of the first step, in units of each column's square norm (Nielsen 1999).
 pub(crate) const FIRST_DAMPING: f64 = 1e-3;
-/// The same from a start that is near: there a damped step creeps along a flat valley, and a step that is too long costs a trial but no
-/// Jacobian. Tuned; data unknown.
+/// The same from a start that is near: there a damped step creeps along a flat valley, and a step that is too long
+/// costs a trial but no Jacobian. Tuned; data unknown.
 pub(crate) const FIRST_DAMPING_NEAR: f64 = 1e-7;
 /// Damping that stands for none. Chosen.
 pub(crate) const NO_DAMPING: f64 = 1e-11;
-/// Steps in a row that gain less than the tolerance, though more seems to be left, after which the descent stops. Tuned; data unknown.
+/// Steps in a row that gain less than the tolerance, though more seems to be left, after which the descent stops.
+/// Tuned; data unknown.
 pub(crate) const MAX_STALLS: usize = 8;
 
-/// Share of the largest eigenvalue of a scaled normal matrix below which a combination of variables is undetermined. Derived: finite
-/// differences are no more accurate.
+/// Share of the largest eigenvalue of a scaled normal matrix below which a combination of variables is undetermined.
+/// Derived: finite differences are no more accurate.
 pub(crate) const UNDETERMINED_EIGENVALUE: f64 = 1e-13;
 /// Part of a variable in such a combination from which on the variable is undetermined, too. Chosen.
 pub(crate) const UNDETERMINED_PART: f64 = 1e-4;
 
 /// Share of a walker's moves that lean on the normal density. Chosen.
 pub(crate) const NORMAL_MOVE_SHARE: f64 = 0.5;
-/// Shortest random step of such a move, in standard deviations; the longest is one, and their logarithms are even. Chosen.
+/// Shortest random step of such a move, in standard deviations; the longest is one, and their logarithms are even.
+/// Chosen.
 pub(crate) const LEAST_NORMAL_MOVE: f64 = 0.2;
-/// Share of a walker's other moves that go towards or away from another, the mix of emcee 3 (Foreman-Mackey et al. 2019).
+/// Share of a walker's other moves that go towards or away from another, the mix of emcee 3 (Foreman-Mackey et
+/// al. 2019).
 pub(crate) const SNOOKER_SHARE: f64 = 0.2;
 /// Length of such a move (ter Braak & Vrugt 2008).
 pub(crate) const SNOOKER_STEP: f64 = 1.7;

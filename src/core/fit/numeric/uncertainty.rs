@@ -1,4 +1,5 @@
-//! Linear algebra of a Jacobian for white noise: covariance, correlation, Gauss-Newton steps; and the inflation by autocorrelation.
+//! Linear algebra of a Jacobian for white noise: covariance, correlation, Gauss-Newton steps; and the inflation by
+//! autocorrelation.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -42,8 +43,8 @@ impl Normal {
     }
 }
 
-/// Inverse of a scaled normal matrix over the combinations of variables that it determines (Moore and Penrose's), and which variables it leaves
-/// open. All of them where it is not finite.
+/// Inverse of a scaled normal matrix over the combinations of variables that it determines (Moore and Penrose's), and
+/// which variables it leaves open. All of them where it is not finite.
 pub(crate) fn determined_inverse(matrix: DMatrix<f64>) -> (DMatrix<f64>, Vec<bool>) {
     let p = matrix.nrows();
     let (mut inverse, mut open) = (DMatrix::zeros(p, p), vec![false; p]);
@@ -66,7 +67,8 @@ pub(crate) fn determined_inverse(matrix: DMatrix<f64>) -> (DMatrix<f64>, Vec<boo
     (inverse, open)
 }
 
-/// Correlations between the errors of the variables, one row and one column a variable: `C_ij / √(C_ii C_jj)`, `C = (JᵀJ)⁻¹`.
+/// Correlations between the errors of the variables, one row and one column a variable: `C_ij / √(C_ii C_jj)`,
+/// `C = (JᵀJ)⁻¹`.
 ///
 /// NaN where a variable is at a bound, and everywhere where the data leave a combination of the variables open.
 pub fn correlation(columns: &[Vec<f64>], at_bound: &[bool]) -> Vec<Vec<f64>> {
@@ -82,8 +84,8 @@ pub fn correlation(columns: &[Vec<f64>], at_bound: &[bool]) -> Vec<Vec<f64>> {
     correlation
 }
 
-/// `(JᵀJ)⁻¹` of all variables; zero in the rows and columns of those at a bound, infinite on the diagonal where the data leave a combination
-/// of them open.
+/// `(JᵀJ)⁻¹` of all variables; zero in the rows and columns of those at a bound, infinite on the diagonal where the
+/// data leave a combination of them open.
 pub fn covariance(columns: &[Vec<f64>], at_bound: &[bool]) -> DMatrix<f64> {
     let Normal { free, scale, matrix } = Normal::of(columns, at_bound);
     let mut all = DMatrix::zeros(columns.len(), columns.len());
@@ -97,8 +99,8 @@ pub fn covariance(columns: &[Vec<f64>], at_bound: &[bool]) -> DMatrix<f64> {
     all
 }
 
-/// The step that compensates a change of the residuals, `-(JᵀJ)⁻¹ Jᵀ change`, in the variables that are not at a bound; zero in those
-/// that are, and in all where the data determine none.
+/// The step that compensates a change of the residuals, `-(JᵀJ)⁻¹ Jᵀ change`, in the variables that are not at a bound;
+/// zero in those that are, and in all where the data determine none.
 pub fn gauss_newton_step(columns: &[Vec<f64>], change: &[f64], at_bound: &[bool]) -> Vec<f64> {
     let Normal { free, scale, matrix } = Normal::of(columns, at_bound);
     let right =

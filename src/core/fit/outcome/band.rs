@@ -1,17 +1,19 @@
-//! The band in which a fitted model expects the samples: posterior predictive, `J C Jᵀ` of the parameters plus the noise.
+//! The band in which a fitted model expects the samples: posterior predictive, `J C Jᵀ` of the parameters plus the
+//! noise.
 //!
-//! Linear in the parameters around the fit (Seber & Wild 2003, *Nonlinear Regression*, sec. 5.1). Combinations that the samples leave open do not move
-//! the curve there, so they are left out rather than counted as infinite. The covariance is
-//! [`Errors::by_noise`](crate::fit::inference::errors::Errors::by_noise), by the noise before the closure where the record shows any: what a model fails to explain must not
-//! widen the band but show outside it. Nor do errors of gains widen it: a sensor reads its prediction with its own gain.
+//! Linear in the parameters around the fit (Seber & Wild 2003, *Nonlinear Regression*, sec. 5.1). Combinations that the
+//! samples leave open do not move the curve there, so they are left out rather than counted as infinite. The covariance
+//! is [`Errors::by_noise`](crate::fit::inference::errors::Errors::by_noise), by the noise before the closure where the
+//! record shows any: what a model fails to explain must not widen the band but show outside it. Nor do errors of gains
+//! widen it: a sensor reads its prediction with its own gain.
 
 use nalgebra::DMatrix;
 
 use crate::fit::numeric::quantiles::Z_95;
 use crate::fit::problem::fit_problem::FitProblem;
 
-/// Standard deviation of the curve from the uncertainty of the variables, m: for each run and sensor, at each of its samples that enter.
-/// `columns` is the Jacobian of the residuals in time.
+/// Standard deviation of the curve from the uncertainty of the variables, m: for each run and sensor, at each of its
+/// samples that enter. `columns` is the Jacobian of the residuals in time.
 pub fn curve_sd_m(problem: &FitProblem, columns: &[Vec<f64>], covariance: &DMatrix<f64>) -> Vec<Vec<Vec<f64>>> {
     let mut row = 0;
     let mut runs = Vec::new();
@@ -39,7 +41,8 @@ pub fn curve_sd_m(problem: &FitProblem, columns: &[Vec<f64>], covariance: &DMatr
     runs
 }
 
-/// Half the width of the band around the curve of a run's sensor, m, from its sample `from` on; `sd_m` is that of [`curve_sd_m`].
+/// Half the width of the band around the curve of a run's sensor, m, from its sample `from` on; `sd_m` is that of
+/// [`curve_sd_m`].
 pub fn half_width_m(problem: &FitProblem, r: usize, s: usize, sd_m: &[f64], from: usize) -> Vec<f64> {
     let sensor = &problem.runs[r].sensors[s];
     let (first, count) = problem.rows.entering(r, s);

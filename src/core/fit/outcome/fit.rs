@@ -27,8 +27,8 @@ pub struct FittedParameter {
     pub value: f64,
     /// How well it is known, in `unit`.
     pub uncertainty: Uncertainty,
-    /// 95% interval in `unit`: linear, or by its profile or its posterior where there is one. An end that the data leave open is infinite; both are not a
-    /// number where the fit ended at no optimum.
+    /// 95% interval in `unit`: linear, or by its profile or its posterior where there is one. An end that the data
+    /// leave open is infinite; both are not a number where the fit ended at no optimum.
     pub interval_95: (f64, f64),
     /// How the fit gets worse along it, where a profile was asked for.
     pub profile: Option<Profile>,
@@ -38,7 +38,8 @@ pub struct FittedParameter {
     /// Why its interval from a standard error is in doubt, where that was asked for and it is.
     #[serde(default)]
     pub doubt: Option<Doubt>,
-    /// What the rig file's tolerances add, the same for every run of the rig: a standard deviation in `unit`, where they reach it.
+    /// What the rig file's tolerances add, the same for every run of the rig: a standard deviation in `unit`, where
+    /// they reach it.
     pub rig_error: Option<f64>,
     /// Display unit.
     #[serde(deserialize_with = "crate::interned::text")]
@@ -55,8 +56,8 @@ pub struct FittedParameter {
     pub prior: Option<(f64, f64)>,
     /// How the fit moved it.
     pub scale: Scale,
-    /// All that was known of it before the fit, from whatever source (meter, rig, signals, creep test): mean in `unit`, and a standard
-    /// deviation that is relative on a log scale.
+    /// All that was known of it before the fit, from whatever source (meter, rig, signals, creep test): mean in `unit`,
+    /// and a standard deviation that is relative on a log scale.
     pub belief: Option<(f64, f64)>,
 }
 
@@ -88,7 +89,8 @@ pub struct SensorFit {
     pub measured_m: Vec<f64>,
     /// Fitted head, m.
     pub model_m: Vec<f64>,
-    /// Half the width of the band around the model that holds a sample with 95% probability, m; empty where it is not known.
+    /// Half the width of the band around the model that holds a sample with 95% probability, m; empty where it is not
+    /// known.
     pub band_m: Vec<f64>,
     /// Standard deviation of all disturbances of the sensor while the flow is steady, m.
     pub noise_m: f64,
@@ -124,7 +126,8 @@ pub struct RunFit {
     pub noise_m: f64,
     /// Mean absolute percentage error over the extrema (paper's eq. 19), percent.
     pub mape_extrema_percent: f64,
-    /// Its noise dies away after the closure: errors and intervals take it as it was before, for it disturbs the first rise.
+    /// Its noise dies away after the closure: errors and intervals take it as it was before, for it disturbs the first
+    /// rise.
     pub noise_dies_away: bool,
     /// The model's flow before the closure at the flow meter, m³/s, where there is a meter.
     pub meter_flow_m3_s: Option<f64>,
@@ -193,8 +196,8 @@ pub struct Fit {
     pub stopped_because: String,
     /// It ended at an optimum, as far as a descent can tell. Otherwise no error, interval or band is given.
     pub converged: bool,
-    /// Half the sum of squares that it minimised: of the residuals over their noise (or of their transform, where frequencies are compared), from a
-    /// little before the closure on, and of what is known beforehand.
+    /// Half the sum of squares that it minimised: of the residuals over their noise (or of their transform, where
+    /// frequencies are compared), from a little before the closure on, and of what is known beforehand.
     pub cost: f64,
     /// Reduction of the sum of squares that an undamped step predicts from its end, in units of what one sample leaves.
     pub predicted_reduction: f64,
@@ -235,7 +238,8 @@ impl Fit {
         self.effects.iter().map(Chosen::label).collect()
     }
 
-    /// Fall of the Bayesian information criterion from a simpler model's fit to the same recordings; samples that repeat each other count once.
+    /// Fall of the Bayesian information criterion from a simpler model's fit to the same recordings; samples that
+    /// repeat each other count once.
     pub fn evidence_over(&self, simpler: &Fit) -> f64 {
         let summary = |fit: &Fit| {
             let sensors = fit.runs.iter().flat_map(|r| &r.sensors);
@@ -268,7 +272,8 @@ impl Fit {
         (mean(&|r| r.rmse_m), mean(&|r| r.noise_m))
     }
 
-    /// Deviation of the measured heads from each sensor's mean, rms over all samples, m: what a model that is a constant leaves.
+    /// Deviation of the measured heads from each sensor's mean, rms over all samples, m: what a model that is a
+    /// constant leaves.
     pub fn signal_m(&self) -> f64 {
         let (mut square, mut n) = (0.0, 0usize);
         for sensor in self.runs.iter().flat_map(|r| &r.sensors) {

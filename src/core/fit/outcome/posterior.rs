@@ -5,8 +5,8 @@
 pub struct Marginal {
     /// Half the draws lie below it, in the parameter's unit.
     pub median: f64,
-    /// The 95% interval, in the same: between the quantiles of 2.5% and 97.5%, or from a bound that cuts the density off where it is high, whose end is
-    /// open (infinite), to that of 95%.
+    /// The 95% interval, in the same: between the quantiles of 2.5% and 97.5%, or from a bound that cuts the density
+    /// off where it is high, whose end is open (infinite), to that of 95%.
     pub interval_95: (f64, f64),
     /// Vehtari et al.'s (2021) R̂: 1 where all chains show the same distribution.
     pub r_hat: f64,
@@ -17,7 +17,8 @@ pub struct Marginal {
 /// How a posterior was sampled, and some of its draws.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Posterior {
-    /// R̂ and the effective draws of all parameters are what was asked for; otherwise no interval of the fit comes from it.
+    /// R̂ and the effective draws of all parameters are what was asked for; otherwise no interval of the fit comes from
+    /// it.
     pub converged: bool,
     /// Largest R̂ of any parameter.
     pub r_hat: f64,

@@ -22,7 +22,8 @@ impl ResidualSummary {
         ResidualSummary { n, mean_square, inflation: correlation_inflation(samples), parameters: parameters as f64 }
     }
 
-    /// Fall of the Bayesian information criterion from `before` to this richer model, with its effective number of samples.
+    /// Fall of the Bayesian information criterion from `before` to this richer model, with its effective number of
+    /// samples.
     pub(crate) fn evidence_over(&self, before: &ResidualSummary) -> f64 {
         let effective = self.n / self.inflation;
         effective * (before.mean_square / self.mean_square).ln()

@@ -1,6 +1,7 @@
 //! How well a fit knows a value.
 
-/// How well a fit knows a value. [`standard_error`](Uncertainty::standard_error) is the same as a number, for tables and files.
+/// How well a fit knows a value. [`standard_error`](Uncertainty::standard_error) is the same as a number, for tables
+/// and files.
 #[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[non_exhaustive]
 pub enum Uncertainty {
@@ -18,7 +19,8 @@ pub enum Uncertainty {
 }
 
 impl Uncertainty {
-    /// Of a standard error; an infinite one stands for a value that the data leave open, one that is not a number for a value at a bound.
+    /// Of a standard error; an infinite one stands for a value that the data leave open, one that is not a number for a
+    /// value at a bound.
     pub fn of(standard_error: f64) -> Self {
         if standard_error.is_nan() {
             Uncertainty::AtBound
@@ -29,8 +31,8 @@ impl Uncertainty {
         }
     }
 
-    /// The standard error: infinite where the data leave the value open, not a number at a bound or where the fit ended at no optimum, 0 for
-    /// a value that was held.
+    /// The standard error: infinite where the data leave the value open, not a number at a bound or where the fit ended
+    /// at no optimum, 0 for a value that was held.
     pub fn standard_error(self) -> f64 {
         match self {
             Uncertainty::Known(error) => error,

@@ -1,9 +1,10 @@
 //! Where the intervals of a fit rest on a straight line that its residuals do not follow.
 //!
-//! One rule: a parameter's interval is in doubt where a bound lies within 1.96 standard errors of the value, or where the residuals, at the place that
-//! shows what the linearised ones show at its end, are not what the line promises: the parameter has moved, or minus twice the logarithm of the likelihood has
-//! risen, by more or less than [`PROFILE_DIFFERS`] allows. That is the comparison of a profile with its linear interval, with one correction in place of a
-//! descent: four simulations a parameter.
+//! One rule: a parameter's interval is in doubt where a bound lies within 1.96 standard errors of the value, or where
+//! the residuals, at the place that shows what the linearised ones show at its end, are not what the line promises: the
+//! parameter has moved, or minus twice the logarithm of the likelihood has risen, by more or less than
+//! [`PROFILE_DIFFERS`] allows. That is the comparison of a profile with its linear interval, with one correction in
+//! place of a descent: four simulations a parameter.
 
 use rayon::prelude::*;
 
@@ -19,7 +20,8 @@ use crate::fit::problem::error::FitError;
 use crate::fit::search::options::Options;
 use crate::rig::Rig;
 
-/// What the intervals themselves show of [`find_doubts`], without a simulation: that a bound lies within one, or that it is open.
+/// What the intervals themselves show of [`find_doubts`], without a simulation: that a bound lies within one, or that
+/// it is open.
 pub fn find_bounds(fit: &mut Fit) {
     if !fit.converged {
         return;
@@ -35,8 +37,9 @@ pub fn find_bounds(fit: &mut Fit) {
     }
 }
 
-/// Says of each parameter of a fit why its interval is in doubt, if it is: sets [`FittedParameter::doubt`](crate::fit::outcome::fit::FittedParameter::doubt).
-/// Nothing is said of a fit that ended at no optimum.
+/// Says of each parameter of a fit why its interval is in doubt, if it is: sets
+/// [`FittedParameter::doubt`](crate::fit::outcome::fit::FittedParameter::doubt). Nothing is said of a fit that ended at
+/// no optimum.
 ///
 /// # Errors
 /// As [`crate::fit::search::calibrate::refine`].
@@ -69,7 +72,8 @@ fn of_variable(likelihood: &Likelihood, a: usize, known: Uncertainty) -> Option<
         }
         let Some((there, rise)) = likelihood.corrected(&displacement) else { return Some(Doubt::Curved) };
         let reached = (there[a] - centre) / displacement[a];
-        // How far the interval goes, over how far the line says: the likelihood's own end is where the root of the rise is 1.96.
+        // How far the interval goes, over how far the line says: the likelihood's own end is where the root of the rise
+        // is 1.96.
         let ratio = reached * Z_95 / rise.max(0.0).sqrt();
         let straight = (1.0 / (1.0 + PROFILE_DIFFERS)..=1.0 + PROFILE_DIFFERS).contains(&ratio);
         (!straight).then_some(Doubt::Curved)

@@ -1,4 +1,5 @@
-//! The 95% interval of draws: an end that a bound cuts off where the density is high is open, as in a linear interval or a profile.
+//! The 95% interval of draws: an end that a bound cuts off where the density is high is open, as in a linear interval
+//! or a profile.
 
 use crate::fit::posterior::thresholds::{BOUND_DENSITY, DENSITY_WINDOW};
 

@@ -1,14 +1,16 @@
 //! The likelihood of a fit's values, wherever they are: the fit's own residuals, with the errors that the fit knows of.
 //!
-//! Errors and intervals of a fit come from `C = A M A`: its residuals' slopes, and the covariance of the noise, of gauges and of the grid over
-//! what these slopes show ([`crate::fit::inference::errors`]). The likelihood keeps that and lets go of the straight line. With `Q` an orthonormal basis
-//! of the slopes at the fit, the residuals `r` of any values fall into `z = Qᵀr` and a rest that no slope shows. The first has the covariance `B` of all known
-//! errors over that basis; the rest has that of noise alone, `κ` times as large as believed on average:
+//! Errors and intervals of a fit come from `C = A M A`: its residuals' slopes, and the covariance of the noise, of
+//! gauges and of the grid over what these slopes show ([`crate::fit::inference::errors`]). The likelihood keeps that
+//! and lets go of the straight line. With `Q` an orthonormal basis of the slopes at the fit, the residuals `r` of any
+//! values fall into `z = Qᵀr` and a rest that no slope shows. The first has the covariance `B` of all known errors over
+//! that basis; the rest has that of noise alone, `κ` times as large as believed on average:
 //!
 //! `-2 log L = zᵀB⁻¹z + (rᵀr - zᵀz)/κ`.
 //!
-//! Where the residuals are linear, `L` is the normal density of covariance `C` about the fit; where the noise is white, as large as believed, and
-//! nothing else disturbs, `-2 log L = rᵀr`. Priors are rows of the residuals, hum has been integrated out of them, and a bound is where `L` ends.
+//! Where the residuals are linear, `L` is the normal density of covariance `C` about the fit; where the noise is white,
+//! as large as believed, and nothing else disturbs, `-2 log L = rᵀr`. Priors are rows of the residuals, hum has been
+//! integrated out of them, and a bound is where `L` ends.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, RowDVector};
 
@@ -39,7 +41,8 @@ pub(crate) struct Likelihood<'a> {
     inflation: f64,
     /// Step of the free variables for a unit of each vector of the basis, a column each.
     back: DMatrix<f64>,
-    /// Its inverse over what the residuals show: how far a step of the free variables goes along each vector of the basis.
+    /// Its inverse over what the residuals show: how far a step of the free variables goes along each vector of the
+    /// basis.
     ahead: DMatrix<f64>,
     /// Steps of the free variables that the residuals do not show.
     open: Vec<DVector<f64>>,
@@ -48,8 +51,8 @@ pub(crate) struct Likelihood<'a> {
 }
 
 impl<'a> Likelihood<'a> {
-    /// Of a `problem` at the variables `centre`; `coarser` are the residuals there on a grid of half the reaches. None where the noise or the slopes are
-    /// not finite, or nothing may move.
+    /// Of a `problem` at the variables `centre`; `coarser` are the residuals there on a grid of half the reaches. None
+    /// where the noise or the slopes are not finite, or nothing may move.
     pub(crate) fn of(problem: &'a FitProblem<'a>, centre: &[f64], coarser: &[f64]) -> Result<Option<Self>, ModelError> {
         let residuals = problem.residuals(centre)?;
         let columns = jacobian(problem, centre, &residuals)?;
@@ -159,8 +162,9 @@ impl<'a> Likelihood<'a> {
         self.free.iter().map(|&j| (lower[j], upper[j])).collect()
     }
 
-    /// Steps of the free variables, a column each: what a vector of independent standard normal numbers is multiplied by to become a draw of the
-    /// linearised likelihood about the fit, and `share` of the range along what the data leave open.
+    /// Steps of the free variables, a column each: what a vector of independent standard normal numbers is multiplied
+    /// by to become a draw of the linearised likelihood about the fit, and `share` of the range along what the data
+    /// leave open.
     pub(crate) fn spread(&self, share: f64) -> DMatrix<f64> {
         let bounds = self.bounds();
         let scaled = |open: &DVector<f64>| {
@@ -172,8 +176,8 @@ impl<'a> Likelihood<'a> {
         DMatrix::from_columns(&columns.collect::<Vec<_>>())
     }
 
-    /// The displacement of all free variables that the linearised likelihood expects where variable `a` of them stands `by` standard errors off; none
-    /// where the data leave it open.
+    /// The displacement of all free variables that the linearised likelihood expects where variable `a` of them stands
+    /// `by` standard errors off; none where the data leave it open.
     pub(crate) fn along(&self, a: usize, by: f64) -> Option<Vec<f64>> {
         let spread = &self.back * self.factor.l();
         let row = spread.row(a).transpose();
@@ -181,8 +185,8 @@ impl<'a> Likelihood<'a> {
         (!self.is_open[a] && sd > 0.0).then(|| (spread * row * (by / sd)).as_slice().to_vec())
     }
 
-    /// Where the residuals show what the linearised ones would at a displacement: one correction by the slopes at the fit. With the rise of `-2 log L` there; none
-    /// where that lies out of bounds or cannot be simulated.
+    /// Where the residuals show what the linearised ones would at a displacement: one correction by the slopes at the
+    /// fit. With the rise of `-2 log L` there; none where that lies out of bounds or cannot be simulated.
     pub(crate) fn corrected(&self, displacement: &[f64]) -> Option<(Vec<f64>, f64)> {
         let start: Vec<f64> = self.centre().iter().zip(displacement).map(|(x, d)| x + d).collect();
         let (_, z) = self.seen(&start)?;

@@ -1,4 +1,5 @@
-//! Where errors are not normal: the joint posterior of a fit's values, by sampling, and a test that says where that is needed.
+//! Where errors are not normal: the joint posterior of a fit's values, by sampling, and a test that says where that is
+//! needed.
 
 pub mod doubt;
 mod interval;

@@ -51,9 +51,10 @@ pub(crate) fn with_likelihood<T>(
     Ok(Likelihood::of(&problem, &centre, &coarser)?.map(|likelihood| work(&likelihood, progress)))
 }
 
-/// Samples the joint posterior of a fit's values until all parameters have `wanted` effective draws and R̂ says that the chains have met, and sets
-/// [`Fit::posterior`] and the posterior of each parameter. Where they come that far, the 95% intervals are those of the posterior; otherwise they stay what they are, and
-/// [`Posterior::converged`] says so. Values and standard errors stay in any case.
+/// Samples the joint posterior of a fit's values until all parameters have `wanted` effective draws and R̂ says that
+/// the chains have met, and sets [`Fit::posterior`] and the posterior of each parameter. Where they come that far, the
+/// 95% intervals are those of the posterior; otherwise they stay what they are, and [`Posterior::converged`] says so.
+/// Values and standard errors stay in any case.
 ///
 /// # Errors
 /// As [`crate::fit::search::calibrate::refine`].
@@ -213,8 +214,9 @@ struct Room<'a> {
 }
 
 impl Room<'_> {
-    /// A draw of a normal density of standard deviation `reach` about the fit, cut off at the bounds: by steps along random lines (hit and run: Bélisle, Romeijn &
-    /// Smith 1993, Math. Oper. Res. 18, 255). Nothing is simulated for it.
+    /// A draw of a normal density of standard deviation `reach` about the fit, cut off at the bounds: by steps along
+    /// random lines (hit and run: Bélisle, Romeijn & Smith 1993, Math. Oper. Res. 18, 255). Nothing is simulated for
+    /// it.
     fn draw(&self, reach: f64, random: &mut fastrand::Rng) -> Vec<f64> {
         let n = self.centre.len();
         let (mut at, mut x) = (DVector::zeros(n), DVector::from_column_slice(self.centre));
@@ -255,7 +257,8 @@ mod tests {
     const RUN: RunValues =
         RunValues { initial_velocity_m_s: 0.5, valve_head_m: 20.0, closing_time_s: 0.05, friction_scale: 1.0 };
 
-    /// A strong signal: errors are small, the residuals are straight as far as they go, and the posterior is the normal density of the fit's own errors.
+    /// A strong signal: errors are small, the residuals are straight as far as they go, and the posterior is the normal
+    /// density of the fit's own errors.
     #[test]
     fn where_errors_are_normal_the_posterior_has_the_linear_intervals() {
         let rig = Rig::from_toml(HDPE, "rig.toml").unwrap();
@@ -274,7 +277,8 @@ mod tests {
                 continue;
             }
             let (own, linear, error) = (p.interval_95, before.interval_95, before.standard_error());
-            // the end of an interval of n normal draws is known to √(0.975 0.025/n)/φ(1.96) standard errors: 0.13 of 400
+            // the end of an interval of n normal draws is known to √(0.975 0.025/n)/φ(1.96) standard errors: 0.13 of
+            // 400
             for (own, linear) in [(own.0, linear.0), (own.1, linear.1)] {
                 assert!((own - linear).abs() < 0.5 * error, "{}: {own} {linear} {error}", p.name);
             }
@@ -282,8 +286,8 @@ mod tests {
         assert!(linear.parameters.iter().filter(|p| p.doubt.is_none()).count() >= 6, "{:?}", linear.parameters);
     }
 
-    /// Creep of 20 s in a record of 3 s: only the ratio of compliance and time is well seen, and the fit ends at the bound of the time, 88 s. The draws go along the ratio
-    /// and hold the true time.
+    /// Creep of 20 s in a record of 3 s: only the ratio of compliance and time is well seen, and the fit ends at the
+    /// bound of the time, 88 s. The draws go along the ratio and hold the true time.
     #[test]
     fn what_the_record_hardly_shows_is_in_doubt_and_wide() {
         let rig = Rig::from_toml(HDPE, "rig.toml").unwrap();

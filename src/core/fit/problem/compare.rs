@@ -2,8 +2,8 @@
 
 /// Near the level between two extrema, as a share of their difference.
 const NEAR: f64 = 0.1;
-/// Share of the time between two extrema that may pass near that level. A straight line spends a fifth of it there. A sensor far from the
-/// valve waits there for the next front, and no one instant is the crossing.
+/// Share of the time between two extrema that may pass near that level. A straight line spends a fifth of it there. A
+/// sensor far from the valve waits there for the next front, and no one instant is the crossing.
 const MOST_NEAR: f64 = 0.25;
 
 /// One extremum in measurement and model.
@@ -19,8 +19,8 @@ pub struct ExtremumError {
     pub measured_m: f64,
     /// Head of the model's own extremum, m.
     pub model_m: f64,
-    /// Model's time minus measured time of the crossing of the mean level that leads to it, s; NaN where none leads to it, or
-    /// either head waits at that level.
+    /// Model's time minus measured time of the crossing of the mean level that leads to it, s; NaN where none leads to
+    /// it, or either head waits at that level.
     pub phase_s: f64,
 }
 
@@ -53,8 +53,8 @@ pub struct Pair<'a> {
 }
 
 impl Pair<'_> {
-    /// Compares the extrema found at `(time, cycle, is a peak)`: heights within a quarter period of the measured time, and
-    /// the phase by the crossing of the level between this extremum and the one before.
+    /// Compares the extrema found at `(time, cycle, is a peak)`: heights within a quarter period of the measured time,
+    /// and the phase by the crossing of the level between this extremum and the one before.
     pub fn extrema(&self, found: &[(f64, usize, bool)]) -> Vec<ExtremumError> {
         let mut before: Option<(f64, f64)> = None;
         let mut errors = Vec::new();
@@ -142,8 +142,8 @@ mod tests {
         assert!((mape_percent(errors.iter()) - 100.0 * (0.5 / 15.0 + 0.1 + 0.5 / 15.0) / 3.0).abs() < 0.1);
     }
 
-    /// At a quarter of the pipe the head returns to the mean level for three quarters of the time, and a small offset moves the crossing
-    /// across that plateau.
+    /// At a quarter of the pipe the head returns to the mean level for three quarters of the time, and a small offset
+    /// moves the crossing across that plateau.
     #[test]
     fn a_plateau_at_the_mean_level_has_no_phase() {
         let time_s: Vec<f64> = (0..4000).map(|i| i as f64 * 1e-3).collect();

@@ -52,8 +52,8 @@ pub(crate) fn vanished(problem: &FitProblem, values: &[f64]) -> Vec<Element> {
     elements(problem).into_iter().filter(|e| least(e) && !settled(e)).collect()
 }
 
-/// Variables that are fixed at the end of a fit: those at a bound, and both of an element that has vanished. The little that its retardation time
-/// moves looks like another element, which would seem undetermined for it.
+/// Variables that are fixed at the end of a fit: those at a bound, and both of an element that has vanished. The little
+/// that its retardation time moves looks like another element, which would seem undetermined for it.
 pub(crate) fn fixed_variables(problem: &FitProblem, values: &[f64], at_bound: &[bool]) -> Vec<bool> {
     let mut fixed = at_bound.to_vec();
     for element in vanished(problem, values) {

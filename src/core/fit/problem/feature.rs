@@ -1,4 +1,5 @@
-//! The features of a record that a stepwise calibration looks at, as least-squares problems of the few variables that a step moves.
+//! The features of a record that a stepwise calibration looks at, as least-squares problems of the few variables that a
+//! step moves.
 
 use crate::fit::numeric::least_squares::Problem;
 use crate::fit::problem::compare::Pair;

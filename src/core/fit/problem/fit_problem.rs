@@ -1,9 +1,9 @@
 //! Calibration as a least-squares problem: which variables the solver moves, and the residuals they leave.
 //!
-//! Variables are the model's shared parameters and the places of sensors, then for each run its velocity, head, closing time and friction, the
-//! start of its closure and one offset for each sensor. Log-scaled parameters are moved as logarithms. Residuals are measured minus modelled
-//! heads over each sensor's noise (or their transform, see [`crate::fit::problem::objective`]), then one for each prior,
-//! then one for each run's flow meter.
+//! Variables are the model's shared parameters and the places of sensors, then for each run its velocity, head, closing
+//! time and friction, the start of its closure and one offset for each sensor. Log-scaled parameters are moved as
+//! logarithms. Residuals are measured minus modelled heads over each sensor's noise (or their transform, see
+//! [`crate::fit::problem::objective`]), then one for each prior, then one for each run's flow meter.
 
 use std::ops::Range;
 
@@ -133,8 +133,8 @@ impl<'a> FitProblem<'a> {
         self.rows = SampleRows::new(self.runs, window.stride, spans, bins);
     }
 
-    /// The same problem with another objective; frequencies are compared where every sample enters. A sensor whose record is too short
-    /// for it is compared in time.
+    /// The same problem with another objective; frequencies are compared where every sample enters. A sensor whose
+    /// record is too short for it is compared in time.
     pub fn comparing(mut self, objective: Objective) -> Self {
         if objective != self.objective {
             self.objective = objective;
@@ -143,9 +143,9 @@ impl<'a> FitProblem<'a> {
         self
     }
 
-    /// The same problem with a Jacobian from a grid of half the reaches (at least of `least`, and of a few more where that fits the joints): both change
-    /// almost alike, and it costs a quarter, or on a coarse grid, whose steps cost more than its nodes, a half. Where that saves little the problem
-    /// stays as it is.
+    /// The same problem with a Jacobian from a grid of half the reaches (at least of `least`, and of a few more where
+    /// that fits the joints): both change almost alike, and it costs a quarter, or on a coarse grid, whose steps cost
+    /// more than its nodes, a half. Where that saves little the problem stays as it is.
     pub(crate) fn with_slopes_of_half(self, least: usize) -> Self {
         let reaches = self.model.fitting_reaches(&self.start_values(), (self.window.reaches / 2).max(least));
         if 3 * reaches >= 2 * self.window.reaches {
@@ -432,10 +432,11 @@ impl Problem for FitProblem<'_> {
         }
     }
 
-    /// Start and end of a closure are bends of the head, and these come back with every wave. A grid shows a bend to a time step: moved by less, its
-    /// two steps change by what the grid makes of it, differently where the curve is read later (the start) and where it is simulated anew (the closing
-    /// time). What both leave alone, an end that stays where it is, would seem to be seen well. So both move by one time step, unless the closure takes
-    /// less than 2L/a: then the front shows its start and its end.
+    /// Start and end of a closure are bends of the head, and these come back with every wave. A grid shows a bend to a
+    /// time step: moved by less, its two steps change by what the grid makes of it, differently where the curve is read
+    /// later (the start) and where it is simulated anew (the closing time). What both leave alone, an end that stays
+    /// where it is, would seem to be seen well. So both move by one time step, unless the closure takes less than 2L/a:
+    /// then the front shows its start and its end.
     fn difference_step(&self, j: usize) -> f64 {
         if let Some((own, closing)) = self.run_of(j).map(|r| (j - self.run_offsets[r], self.closing_time_variable(r))) {
             let closing_s = self.parameters[closing].start;

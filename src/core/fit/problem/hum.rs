@@ -1,10 +1,13 @@
-//! Hum in residuals: tones whose frequency and size are known from the record before the closure, and whose phase and slow drift are not.
+//! Hum in residuals: tones whose frequency and size are known from the record before the closure, and whose phase and
+//! slow drift are not.
 //!
-//! A tone is `Σ_k (a_k cos 2πft + b_k sin 2πft) P_k(t)` with Legendre polynomials `P_k` over the record: the first is the tone, the others an
-//! error of its frequency and its drift. Coefficients are normally distributed about zero, as wide as the tone was large before the closure. With the
-//! columns `Q` orthonormal and coefficients of standard deviation `s` in units of the noise, the covariance of residuals is `I + Q s² Qᵀ`, and its
-//! inverse square root whitens them: each coefficient is divided by `√(1 + s²)`. So the likelihood is the one in which the hum has been integrated out
-//! (Rasmussen & Williams 2006, Gaussian Processes for Machine Learning, 2.7), for any model, and nothing is simulated for it.
+//! A tone is `Σ_k (a_k cos 2πft + b_k sin 2πft) P_k(t)` with Legendre polynomials `P_k` over the record: the first is
+//! the tone, the others an error of its frequency and its drift. Coefficients are normally distributed about zero, as
+//! wide as the tone was large before the closure. With the columns `Q` orthonormal and coefficients of standard
+//! deviation `s` in units of the noise, the covariance of residuals is `I + Q s² Qᵀ`, and its inverse square root
+//! whitens them: each coefficient is divided by `√(1 + s²)`. So the likelihood is the one in which the hum has been
+//! integrated out (Rasmussen & Williams 2006, Gaussian Processes for Machine Learning, 2.7), for any model, and nothing
+//! is simulated for it.
 
 use std::f64::consts::TAU;
 
@@ -18,7 +21,8 @@ const LEAST_OWN: f64 = 1e-6;
 
 /// The hum of one sensor at some of its times.
 pub(crate) struct Hum {
-    /// Orthonormal columns over the samples, and the standard deviation of the coefficient of each in units of the noise.
+    /// Orthonormal columns over the samples, and the standard deviation of the coefficient of each in units of the
+    /// noise.
     columns: Vec<(Vec<f64>, f64)>,
 }
 
@@ -122,7 +126,8 @@ mod tests {
         }
     }
 
-    /// A tone whose frequency is off by as much as a second before the closure tells, and which drifts: what is left of 0.6 m is less than the noise.
+    /// A tone whose frequency is off by as much as a second before the closure tells, and which drifts: what is left
+    /// of 0.6 m is less than the noise.
     #[test]
     fn a_tone_that_drifts_is_taken_out() {
         let time_s: Vec<f64> = (0..6000).map(|i| f64::from(i) * 2e-3).collect();

@@ -1,5 +1,6 @@
-//! The latest simulation of a run. Moving the closure's start, a sensor or what a sensor does to its reading changes no wave, so finite
-//! differences by these are read from the kept simulation. Descents in parallel may lose it to each other; they simulate again then.
+//! The latest simulation of a run. Moving the closure's start, a sensor or what a sensor does to its reading changes no
+//! wave, so finite differences by these are read from the kept simulation. Descents in parallel may lose it to each
+//! other; they simulate again then.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -27,7 +28,8 @@ impl Latest {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(Arc::new(kept));
     }
 
-    /// The kept simulation, read at these places. None if it was computed from other values, is too short, or has no trace at one of the places.
+    /// The kept simulation, read at these places. None if it was computed from other values, is too short, or has no
+    /// trace at one of the places.
     pub(crate) fn read(&self, causes: &[f64], needed_s: f64, places: &[Place]) -> Option<Simulated> {
         let kept = self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()?;
         let long_enough = needed_s <= kept.needed_s; // not so for NaN

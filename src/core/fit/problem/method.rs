@@ -6,7 +6,8 @@ pub enum Method {
     /// Bounded Levenberg-Marquardt from several starts.
     #[default]
     LeastSquares,
-    /// Differential evolution over the whole box, then an evolution strategy that follows the valley found; nothing is refined by descent.
+    /// Differential evolution over the whole box, then an evolution strategy that follows the valley found; nothing is
+    /// refined by descent.
     Global,
     /// A micro-genetic algorithm over the whole box; nothing is refined by descent.
     MicroGa,

@@ -1,9 +1,10 @@
 //! The objective of a fit: it compares samples in time, or the oscillation in frequency.
 //!
-//! In frequency the residuals of a sensor become the real and imaginary parts of their transform, at the bins around the odd harmonics that the
-//! record shows above its noise, through the window of [`crate::signal::harmonics`]; and the two levels that a transform of the oscillation cannot
-//! show, before the closure and after it. Each is divided by its noise. Neighbouring bins of a window share some
-//! of the samples: all weights are reduced so that together they count as many as are independent.
+//! In frequency the residuals of a sensor become the real and imaginary parts of their transform, at the bins around
+//! the odd harmonics that the record shows above its noise, through the window of [`crate::signal::harmonics`]; and the
+//! two levels that a transform of the oscillation cannot show, before the closure and after it. Each is divided by its
+//! noise. Neighbouring bins of a window share some of the samples: all weights are reduced so that together they count
+//! as many as are independent.
 
 use std::sync::Arc;
 
@@ -24,7 +25,8 @@ pub enum Objective {
     Frequency,
 }
 
-/// The odd harmonics of a trace above its noise: `(1, 3, 5 …, tone)`, each located near where the previous ones suggest.
+/// The odd harmonics of a trace above its noise: `(1, 3, 5 …, tone)`, each located near where the previous ones
+/// suggest.
 pub fn odd_harmonics(response: &Response, about_hz: f64, noise: f64) -> Vec<(usize, Tone)> {
     let level = HARMONIC_OVER_NOISE * response.white * noise;
     let out = |tone: &Tone| tone.amplitude > level;
@@ -74,8 +76,8 @@ pub(crate) struct Bins {
 }
 
 impl Bins {
-    /// For a sensor's samples, `entering` of them, whose closure starts at `closure_s` and takes `closing_s`; none where the record lasts less than
-    /// three periods after it.
+    /// For a sensor's samples, `entering` of them, whose closure starts at `closure_s` and takes `closing_s`; none
+    /// where the record lasts less than three periods after it.
     pub(crate) fn of(
         sensor: &SensorData,
         entering: std::ops::Range<usize>,
@@ -116,7 +118,8 @@ impl Bins {
         2 + 2 * self.kept.len()
     }
 
-    /// The transpose of [`of_residuals`](Self::of_residuals): what a weight on each residual in frequency is on the residuals in time.
+    /// The transpose of [`of_residuals`](Self::of_residuals): what a weight on each residual in frequency is on the
+    /// residuals in time.
     pub(crate) fn transposed(&self, weights: &[f64]) -> Vec<f64> {
         let mut out = vec![0.0; self.inside.end];
         out[..self.before].fill(weights[0] / (self.before as f64).sqrt().max(1.0));

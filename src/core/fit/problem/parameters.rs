@@ -1,4 +1,5 @@
-//! The variables of a calibration, described: the model's shared parameters and the places of sensors, then each run's own.
+//! The variables of a calibration, described: the model's shared parameters and the places of sensors, then each run's
+//! own.
 
 use crate::fit::data::run_data::{RunData, RunStart};
 use crate::fit::problem::thresholds::FARTHEST_SD;
@@ -26,7 +27,8 @@ pub fn of(model: &Model, runs: &[RunData]) -> (Vec<Parameter>, Vec<usize>) {
         run_offsets.push(parameters.len());
         let RunStart { closure_s, velocity_m_s, valve_head_m, .. } = run.start;
         let [velocity, head, closing, friction] = model.per_run.clone();
-        // With a flow meter the model's flow is compared at the meter's place; without, the velocity itself has a prior.
+        // With a flow meter the model's flow is compared at the meter's place; without, the velocity itself has a
+        // prior.
         let prior = if run.meter.is_some() { None } else { Some(velocity_m_s) };
         parameters.push(Parameter { start: velocity_m_s.0, prior, ..velocity });
         parameters.push(Parameter {
@@ -88,7 +90,8 @@ pub fn placed_sensor(name: &str) -> Option<&str> {
     name.strip_prefix("position_m[")?.strip_suffix(']')
 }
 
-/// The place of a sensor as a variable: where the record shows it, between the ends, and the rig file knows it within a tolerance only.
+/// The place of a sensor as a variable: where the record shows it, between the ends, and the rig file knows it within a
+/// tolerance only.
 fn place_of(rig: &Rig, sensor: &Sensor) -> Option<Parameter> {
     let (at, sd_m, length_m) = (sensor.position_m, rig.place_sd_m(sensor), rig.line_length_m(sensor.line));
     let name = format!("position_m[{}]", sensor.name);

@@ -9,8 +9,8 @@ use crate::fit::problem::hum::Hum;
 use crate::fit::problem::objective::Bins;
 use crate::fit::problem::thresholds::MIN_NOISE_SAMPLES;
 
-/// What one standard deviation of an error that all samples of an instrument share does to residuals: where they start, and by how much
-/// they change.
+/// What one standard deviation of an error that all samples of an instrument share does to residuals: where they start,
+/// and by how much they change.
 pub type CommonError = Vec<(usize, Vec<f64>)>;
 
 /// The samples of all runs that enter a calibration, and their residuals: run by run, sensor by sensor.
@@ -29,7 +29,8 @@ pub struct SampleRows<'a> {
 }
 
 impl<'a> SampleRows<'a> {
-    /// The rows of every `stride`th sample within the `spans`; `bins` is empty where the samples themselves are compared.
+    /// The rows of every `stride`th sample within the `spans`; `bins` is empty where the samples themselves are
+    /// compared.
     pub(crate) fn new(
         runs: &'a [RunData],
         stride: usize,
@@ -81,7 +82,8 @@ impl<'a> SampleRows<'a> {
         (0..self.runs[r].sensors.len()).map(|s| self.row_count(r, s)).sum()
     }
 
-    /// What an offset of 1 m takes from each residual of a run's sensor, times the noise: 1 for a sample, its leakage for a frequency.
+    /// What an offset of 1 m takes from each residual of a run's sensor, times the noise: 1 for a sample, its leakage
+    /// for a frequency.
     pub(crate) fn unit_offset(&self, r: usize, sensor: usize) -> Vec<f64> {
         self.seen(r, sensor, vec![1.0; self.taken(self.spans[r][sensor])])
     }
@@ -91,7 +93,8 @@ impl<'a> SampleRows<'a> {
         self.bins_at(r, sensor).is_some() || self.hum[r][sensor].is_some()
     }
 
-    /// The residuals of a run's sensor, of what its samples leave over their noise: these, less their hum, or their frequencies.
+    /// The residuals of a run's sensor, of what its samples leave over their noise: these, less their hum, or their
+    /// frequencies.
     pub(crate) fn seen(&self, r: usize, sensor: usize, mut left: Vec<f64>) -> Vec<f64> {
         match (self.bins_at(r, sensor), &self.hum[r][sensor]) {
             (Some(bins), _) => bins.of_residuals(&left),
@@ -103,7 +106,8 @@ impl<'a> SampleRows<'a> {
         }
     }
 
-    /// Columns over the residuals, seen from the samples: the transpose of the map from samples to bins, applied to each record.
+    /// Columns over the residuals, seen from the samples: the transpose of the map from samples to bins, applied to
+    /// each record.
     pub(crate) fn seen_in_time(&self, columns: &[Vec<f64>]) -> Vec<Vec<f64>> {
         let records = self.records();
         let one = |column: &Vec<f64>| {
@@ -120,8 +124,8 @@ impl<'a> SampleRows<'a> {
         self.bins.get(r)?.get(sensor)?.as_ref()
     }
 
-    /// Noise of each sample that enters, m, in the order of the residuals; for frequencies, such that the root mean square over them equals that
-    /// over the samples.
+    /// Noise of each sample that enters, m, in the order of the residuals; for frequencies, such that the root mean
+    /// square over them equals that over the samples.
     pub fn sample_noise(&self) -> Vec<f64> {
         let sensors = self.runs.iter().enumerate().flat_map(|(r, run)| (0..run.sensors.len()).map(move |s| (r, s)));
         let noise = sensors.flat_map(|(r, s)| {
@@ -159,8 +163,8 @@ impl<'a> SampleRows<'a> {
         self.sampled_together().iter().map(|group| group[0].0).collect()
     }
 
-    /// Runs and sensors, grouped where their samples belong together one by one: equally many of one run, each nearer to its partner than to the
-    /// next sample, as instruments that share a clock take them at once or in turns.
+    /// Runs and sensors, grouped where their samples belong together one by one: equally many of one run, each nearer
+    /// to its partner than to the next sample, as instruments that share a clock take them at once or in turns.
     fn sampled_together(&self) -> Vec<Vec<(usize, usize)>> {
         let times = |r: usize, s: usize| {
             let (first, last) = self.spans[r][s];
@@ -182,8 +186,8 @@ impl<'a> SampleRows<'a> {
         groups
     }
 
-    /// The noise of each record of [`record_rows`](Self::record_rows) before its samples enter, in units of its noise, less its mean. None where one
-    /// of them is too short to show its autocorrelation.
+    /// The noise of each record of [`record_rows`](Self::record_rows) before its samples enter, in units of its noise,
+    /// less its mean. None where one of them is too short to show its autocorrelation.
     pub fn noise_before(&self) -> Option<Vec<Vec<Vec<f64>>>> {
         let before = |(r, s): (usize, usize)| {
             let (sensor, (first, _)) = (&self.runs[r].sensors[s], self.spans[r][s]);
@@ -197,7 +201,8 @@ impl<'a> SampleRows<'a> {
         self.sampled_together().into_iter().map(|group| group.into_iter().map(before).collect()).collect()
     }
 
-    /// The effect of one standard deviation of each sensor's gain on the residuals, by its name; a sensor is the same instrument in all runs.
+    /// The effect of one standard deviation of each sensor's gain on the residuals, by its name; a sensor is the same
+    /// instrument in all runs.
     pub fn gain_errors(&self) -> BTreeMap<&str, CommonError> {
         let mut by_sensor: BTreeMap<&str, CommonError> = BTreeMap::new();
         for (r, s, range) in self.records() {

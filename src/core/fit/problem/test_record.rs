@@ -33,7 +33,8 @@ unit = "kPa"
 /// When the valve starts to close, s.
 const CLOSURE_S: f64 = 0.2;
 
-/// A plastic pipe with a short branch 89.9 m from its supply, and its record. Beside too little creep a fit finds the branch elsewhere.
+/// A plastic pipe with a short branch 89.9 m from its supply, and its record. Beside too little creep a fit finds the
+/// branch elsewhere.
 pub(crate) fn short_branch() -> (Rig, RunData) {
     let rig = Rig::from_toml(&HDPE.replace("80.0", "109.15").replace("50.0", "16.0"), "rig.toml").unwrap();
     let effects = parse_list("viscoelastic-wall:2,side-branch").unwrap();

@@ -6,7 +6,8 @@ use crate::fit::numeric::least_squares::Limits;
 pub(crate) const FARTHEST_SD: f64 = 6.0;
 /// Uncertainty of the time of a crossing, as a share of the period. Chosen.
 pub(crate) const PHASE_SHARE: f64 = 1e-3;
-/// Share of a period before the closure that still counts as the first rise: the start of the closure is not known to the sample. Chosen.
+/// Share of a period before the closure that still counts as the first rise: the start of the closure is not known to
+/// the sample. Chosen.
 pub(crate) const FIRST_RISE_LEAD: f64 = 0.05;
 /// How far a step along one direction may go back and on, in lengths of the direction. Chosen.
 pub(crate) const DIRECTION_SHARES: (&[f64], &[f64]) = (&[-1.0], &[30.0]);
@@ -24,18 +25,19 @@ pub(crate) const MAX_MISSING_HARMONICS: usize = 3;
 /// Samples that show the autocorrelation of noise. Derived: six times the frequencies that are averaged at least.
 pub(crate) const MIN_NOISE_SAMPLES: usize = 200;
 
-/// Retardation times that a surge can show, in its periods: a slower element does not move during the surge, a faster one belongs to the
-/// wave speed. Chosen.
+/// Retardation times that a surge can show, in its periods: a slower element does not move during the surge, a faster
+/// one belongs to the wave speed. Chosen.
 pub(crate) const VISIBLE_TIMES_PERIODS: (f64, f64) = (0.01, 10.0);
 /// Least compliance that a surge can show, as a share of the largest that its bounds allow. Tuned; data unknown.
 pub(crate) const VISIBLE_COMPLIANCE_SHARE: f64 = 1e-3;
 
 /// How far from the valve a sensor may be to show the head before it, as a share of the pipe's length. Chosen.
 pub(crate) const VALVE_SENSOR_SHARE: f64 = 0.01;
-/// How far the curve of the valve is read back, in fitted closing times: the valve may have taken longer than fitted. Chosen.
+/// How far the curve of the valve is read back, in fitted closing times: the valve may have taken longer than fitted.
+/// Chosen.
 pub(crate) const READ_BACK_SPAN: f64 = 2.0;
-/// A kink of less than this share of the opening off the straight line is none; nor is one of less than so many times what the law leaves of
-/// the curve. Chosen: a fiftieth, and two standard deviations.
+/// A kink of less than this share of the opening off the straight line is none; nor is one of less than so many times
+/// what the law leaves of the curve. Chosen: a fiftieth, and two standard deviations.
 pub(crate) const STRAIGHT_WITHIN: (f64, f64) = (0.02, 2.0);
 /// Of the fit of two stages to a curve: to rounding, for it is cheap.
 pub(crate) const TWO_STAGE_LIMITS: Limits =

@@ -192,8 +192,8 @@ fn known(
     })
 }
 
-/// The change that the last halving of the step made where the fit ended: in the variables, and at the samples, rms, m. It depends on grid
-/// and values, not on the way there.
+/// The change that the last halving of the step made where the fit ended: in the variables, and at the samples, rms, m.
+/// It depends on grid and values, not on the way there.
 fn last_halving(
     ctx: &Calibrator,
     problem: &FitProblem,

@@ -1,8 +1,8 @@
 //! Calibration of a model: from coarse to fine, from the first cycles to the whole record.
 //!
-//! A wave speed a few percent off is half a period late after twenty cycles, where least squares sees no way back. So the
-//! fit starts with the first cycle and a half on a coarse grid, then takes in more of the record as the phase locks. Then the
-//! grid is refined until halving its step changes less than the noise does.
+//! A wave speed a few percent off is half a period late after twenty cycles, where least squares sees no way back. So
+//! the fit starts with the first cycle and a half on a coarse grid, then takes in more of the record as the phase
+//! locks. Then the grid is refined until halving its step changes less than the noise does.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -30,8 +30,8 @@ use crate::rig::Rig;
 
 /// Fits the base model with `effects` to all `runs` at once.
 ///
-/// Where an effect has elements and their number is open, they are added one by one while the evidence supports it. Where an effect
-/// concerns a pressure sensor and none is named, it takes the sensor at which a coarse fit is best.
+/// Where an effect has elements and their number is open, they are added one by one while the evidence supports it.
+/// Where an effect concerns a pressure sensor and none is named, it takes the sensor at which a coarse fit is best.
 ///
 /// # Errors
 /// No run, a run without samples after its closure, a model that cannot be simulated at its start.
@@ -58,7 +58,8 @@ pub fn calibrate(
     }
     let ctx = Calibrator::new(rig, runs, options, progress, effects, None)?;
     let mut chosen = place_at_sensors(&ctx, effects)?;
-    // An effect with elements grows from one: a descent that starts with many ends in poorer places, unless it has a start of its own.
+    // An effect with elements grows from one: a descent that starts with many ends in poorer places, unless it has a
+    // start of its own.
     let has_start = !options.starts_at.is_empty() || options.method != Method::LeastSquares;
     let growing = growing(effects).filter(|&i| effects[i].elements.is_none() || !has_start);
     if let Some(i) = growing {
@@ -75,7 +76,8 @@ pub fn calibrate(
             Ok(state)
         }
     };
-    // Where an element is missing, the known ones move to stand in for it. So the search also starts again from where they are known to be.
+    // Where an element is missing, the known ones move to stand in for it. So the search also starts again from where
+    // they are known to be.
     let search_on = |bigger: &Model, model: &Model, state: &Estimate| {
         let on = search(bigger, Some((model, state)))?;
         if options.priors.is_empty() {
@@ -137,7 +139,8 @@ impl CoarseFit {
     }
 }
 
-/// Fits a model coarsely from the signals alone: to some of the samples, on a coarse grid. [`refine`] goes on from there.
+/// Fits a model coarsely from the signals alone: to some of the samples, on a coarse grid. [`refine`] goes on from
+/// there.
 ///
 /// # Errors
 /// As [`calibrate`]; the number of elements must be given.
@@ -148,7 +151,8 @@ pub fn fit_coarsely(rig: &Rig, runs: &[RunData], effects: &[Chosen], options: &O
     Ok(CoarseFit::of(&ctx, &model, coarse_fit(&ctx, &model, None)?))
 }
 
-/// Fits a model on from `values` of all its variables (shared ones, then each run's): to all samples, on as fine a grid as it takes.
+/// Fits a model on from `values` of all its variables (shared ones, then each run's): to all samples, on as fine a grid
+/// as it takes.
 ///
 /// # Errors
 /// As [`calibrate`].
@@ -180,8 +184,8 @@ pub(crate) fn go_on(
     descend(&ctx, &ctx.model(&fit.effects), values, fit.reaches)
 }
 
-/// Moves the variables that the options do not hold a few steps towards their optimum, on a coarse grid and some of the samples: what an eye that
-/// follows a slider needs. While it is `dragged` the grid is as coarse as where phases lock.
+/// Moves the variables that the options do not hold a few steps towards their optimum, on a coarse grid and some of the
+/// samples: what an eye that follows a slider needs. While it is `dragged` the grid is as coarse as where phases lock.
 ///
 /// # Errors
 /// As [`refine`].
@@ -245,7 +249,8 @@ impl OneLess {
     }
 }
 
-/// The effects as a fit begins with them: where the number of elements is open, as many as are known beforehand, else one.
+/// The effects as a fit begins with them: where the number of elements is open, as many as are known beforehand, else
+/// one.
 ///
 /// # Errors
 /// No run.
@@ -263,7 +268,8 @@ pub(crate) fn growing(effects: &[Chosen]) -> Option<usize> {
     effects.iter().position(|c| c.effect.elements().is_some_and(|r| r.contains(&2)))
 }
 
-/// The number of elements of effect `i` that are known beforehand, as by a creep test: a fit begins with these, or with one.
+/// The number of elements of effect `i` that are known beforehand, as by a creep test: a fit begins with these, or with
+/// one.
 fn known_elements(ctx: &Calibrator, effects: &[Chosen], i: usize) -> usize {
     let most = effects[i].most_elements().unwrap_or(1);
     let known = |n: &usize| {

@@ -52,7 +52,8 @@ pub(crate) struct Calibrator<'a> {
 }
 
 impl<'a> Calibrator<'a> {
-    /// For models with `effects` or more; the least number of reaches follows from the model's `values`, or from its start values.
+    /// For models with `effects` or more; the least number of reaches follows from the model's `values`, or from its
+    /// start values.
     pub(crate) fn new(
         rig: &'a Rig,
         runs: &'a [RunData],
@@ -107,8 +108,8 @@ impl<'a> Calibrator<'a> {
         Window { reaches, horizon_s, stride }
     }
 
-    /// The same while the phase locks: a grid shows nothing faster than its step of `step_s`, so more samples than [`LOCKING_PER_STEP`] of the slowest
-    /// sensor in each would only take time.
+    /// The same while the phase locks: a grid shows nothing faster than its step of `step_s`, so more samples than
+    /// [`LOCKING_PER_STEP`] of the slowest sensor in each would only take time.
     pub(crate) fn locking(&self, reaches: usize, horizon_s: f64, step_s: f64) -> Window {
         let window = self.window(reaches, horizon_s);
         let intervals = self.runs.iter().flat_map(|r| &r.sensors).filter_map(|s| {

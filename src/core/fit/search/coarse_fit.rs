@@ -1,4 +1,5 @@
-//! The coarse fit: from the signals or from a smaller model, on a coarse grid, from the first cycles to the whole record.
+//! The coarse fit: from the signals or from a smaller model, on a coarse grid, from the first cycles to the whole
+//! record.
 
 use rayon::prelude::*;
 
@@ -63,7 +64,8 @@ fn fitted_coarsely(
     if start.cost < found.cost { best_of(ctx, model, &[base, found.values]) } else { Ok(found) }
 }
 
-/// A coarse fit, and where that is poor, the model fitted on from each smaller model that it contains: a model that contains another never ends worse.
+/// A coarse fit, and where that is poor, the model fitted on from each smaller model that it contains: a model that
+/// contains another never ends worse.
 pub(crate) fn or_from_smaller(ctx: &Calibrator, model: &Model, mut best: Estimate) -> Result<Estimate, FitError> {
     for i in 0..model.effects.len() {
         if !is_poor(ctx, model, &best) {
@@ -105,7 +107,8 @@ fn locked(
     if scanned.is_empty() {
         return Ok(locked);
     }
-    // Without its effects the rest may have gone where no place leads back from, so the places are also tried from what the signals say.
+    // Without its effects the rest may have gone where no place leads back from, so the places are also tried from what
+    // the signals say.
     locked.truncate(FOLLOWED);
     let rests: Vec<&[f64]> = locked.iter().map(|l| &l.values[..]).chain([base]).collect();
     let mut screened = in_places(ctx, model, &scanned, base, &rests, period_s)?;
@@ -119,8 +122,9 @@ fn locked(
     Ok(found)
 }
 
-/// A fit of the first cycles whose effects that may be anywhere were each looked for while the others were absent: each is looked for again beside the
-/// others, as long as that leaves much less. Where a place cannot be simulated, the fit stays as it is.
+/// A fit of the first cycles whose effects that may be anywhere were each looked for while the others were absent: each
+/// is looked for again beside the others, as long as that leaves much less. Where a place cannot be simulated, the fit
+/// stays as it is.
 fn beside_each_other(
     ctx: &Calibrator,
     model: &Model,
@@ -141,8 +145,8 @@ fn beside_each_other(
     }
 }
 
-/// Fits of the first cycles with an effect that may be anywhere held in one place after the other, from each of the `rests` of the variables. Everything
-/// but the place is free. Returns the best.
+/// Fits of the first cycles with an effect that may be anywhere held in one place after the other, from each of the
+/// `rests` of the variables. Everything but the place is free. Returns the best.
 fn in_places(
     ctx: &Calibrator,
     model: &Model,
@@ -163,8 +167,8 @@ fn in_places(
     Ok(screened)
 }
 
-/// Fits a model on a coarse grid from `values` of all its variables, and from the best places along the whole pipe for its effects that may be anywhere.
-/// Their places may have made up for something that the model has got since.
+/// Fits a model on a coarse grid from `values` of all its variables, and from the best places along the whole pipe for
+/// its effects that may be anywhere. Their places may have made up for something that the model has got since.
 pub(crate) fn relocated(ctx: &Calibrator, model: &Model, values: &[f64]) -> Result<Estimate, FitError> {
     let base = FitProblem::new(model, ctx.runs, ctx.window(COARSE_REACHES, f64::INFINITY)).start_values();
     let scanned: Vec<Start> = starts_of(model, &base).into_iter().filter(|s| s.of_many).collect();
@@ -206,8 +210,8 @@ fn released(ctx: &Calibrator, model: &Model, from: Vec<Estimate>, period_s: f64)
     lock(ctx, model, &[], from.into_iter().map(|start| start.values).collect(), period_s)
 }
 
-/// Fits the first cycles, then more of them, so that the phase locks, from each of the `starts`; the variables `held` stay as they are. Returns the
-/// best first.
+/// Fits the first cycles, then more of them, so that the phase locks, from each of the `starts`; the variables `held`
+/// stay as they are. Returns the best first.
 fn lock(
     ctx: &Calibrator,
     model: &Model,
@@ -281,7 +285,8 @@ mod tests {
     use crate::model::effects::parse_list;
     use crate::rig::Rig;
 
-    /// Beside one element of creep a short branch ends where it makes up for the others; beside all of them it is found where it is.
+    /// Beside one element of creep a short branch ends where it makes up for the others; beside all of them it is found
+    /// where it is.
     #[test]
     fn a_branch_is_looked_for_again_when_the_creep_is_whole() {
         let (rig, record) = short_branch();

@@ -16,13 +16,14 @@ use crate::model::ModelError;
 pub(crate) struct PredictedReduction<'a> {
     /// Of the sum of squares, in units of what one sample leaves.
     pub(crate) reduction: f64,
-    /// The Jacobian's columns that predict it: those at the solution itself where the prediction exceeds that of an optimum.
+    /// The Jacobian's columns that predict it: those at the solution itself where the prediction exceeds that of an
+    /// optimum.
     pub(crate) columns: Cow<'a, [Vec<f64>]>,
 }
 
 impl PredictedReduction<'_> {
-    /// Whether a solution is an optimum. Where no step lowers the cost it is one, whatever the prediction: residuals may have corners.
-    /// Elsewhere the prediction decides.
+    /// Whether a solution is an optimum. Where no step lowers the cost it is one, whatever the prediction: residuals
+    /// may have corners. Elsewhere the prediction decides.
     pub(crate) fn at_optimum(&self, solution: &Solution) -> bool {
         !matches!(solution.stop, Stop::CostSettled | Stop::IterationsSpent) || self.reduction <= OPTIMUM_REDUCTION
     }

@@ -1,4 +1,5 @@
-//! The end of a fit: the grid is refined until halving its step changes less than the noise does, then all samples enter.
+//! The end of a fit: the grid is refined until halving its step changes less than the noise does, then all samples
+//! enter.
 
 use crate::fit::numeric::least_squares::{Limits, Problem, Solution};
 use crate::fit::numeric::uncertainty::gauss_newton_step;
@@ -28,8 +29,8 @@ fn patient(ctx: &Calibrator, limits: Limits) -> Limits {
     Limits { iterations: limits.iterations.min(if ctx.options.brief { BRIEF } else { PATIENCE }), ..limits }
 }
 
-/// Refines the grid until its error is small against the noise and its pull on the parameters against their standard errors,
-/// then fits all samples on a grid of half that step and puts the result together.
+/// Refines the grid until its error is small against the noise and its pull on the parameters against their standard
+/// errors, then fits all samples on a grid of half that step and puts the result together.
 pub(crate) fn finish(ctx: &Calibrator, model: &Model, state: Estimate) -> Result<Fit, FitError> {
     let mut values = state.values;
     let mut reaches = FINAL_REACHES.max(ctx.least_reaches);
@@ -121,7 +122,8 @@ mod tests {
     use crate::model::effects::parse_list;
     use crate::rig::Rig;
 
-    /// A fit begun anew where one has ended comes to the same place, and to the same errors: what the grid adds to them is no matter of the way.
+    /// A fit begun anew where one has ended comes to the same place, and to the same errors: what the grid adds to them
+    /// is no matter of the way.
     #[test]
     fn errors_belong_to_the_place_and_not_to_the_way_there() {
         let rig = Rig::from_toml(HDPE, "rig.toml").unwrap();

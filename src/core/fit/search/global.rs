@@ -1,7 +1,8 @@
-//! Global searches over the whole box of the variables, on the coarse grid: the yardstick for a descent from a few starts.
+//! Global searches over the whole box of the variables, on the coarse grid: the yardstick for a descent from a few
+//! starts.
 //!
-//! Offsets of sensors enter the heads linearly, so their best values for all else are known and cost no simulation (variable projection, Golub
-//! & Pereyra 1973, SIAM J. Numer. Anal. 10, 413): the search needs no dimension for them.
+//! Offsets of sensors enter the heads linearly, so their best values for all else are known and cost no simulation
+//! (variable projection, Golub & Pereyra 1973, SIAM J. Numer. Anal. 10, 413): the search needs no dimension for them.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -56,7 +57,8 @@ impl SearchBox {
     }
 }
 
-/// Half the sum of squares over the unit cube of the free variables other than offsets and places of sensors, which a descent finds.
+/// Half the sum of squares over the unit cube of the free variables other than offsets and places of sensors, which a
+/// descent finds.
 struct Cube<'a> {
     problem: &'a FitProblem<'a>,
     /// All variables, at their start.
@@ -110,7 +112,8 @@ impl<'a> Cube<'a> {
                 let j = self.problem.offset_variable(r, s);
                 let (rows, one) = (&residuals[self.problem.rows.rows(r, s)], self.problem.rows.unit_offset(r, s));
                 let (known, sd) = (self.problem.prior_residual(j, x[j]), self.problem.known(j).map(|(_, sd)| sd));
-                // A change d of the offset lowers each sample's residual by d over the noise, and raises its prior's by d over sd.
+                // A change d of the offset lowers each sample's residual by d over the noise, and raises its prior's by
+                // d over sd.
                 let slope = known.unwrap_or(0.0) / sd.unwrap_or(1.0)
                     - rows.iter().zip(&one).map(|(r, one)| r * one).sum::<f64>() / sensor.noise_m;
                 let curvature = one.iter().map(|one| one * one).sum::<f64>() / sensor.noise_m.powi(2)

@@ -1,8 +1,10 @@
 //! Models that contain others, compared at their ends on the fine grid.
 //!
-//! A model that contains another should not end worse. So each model with one effect less is fitted on from where the fit ended and, where the fit leaves
-//! more than noise or an effect proposes several starts, also from the signals; where one of them leaves less, the fit goes on from its end. And an element of creep that the coarse grid's own error hid is found on the fine grid: without
-//! it, the others stand in for it, and what else is fitted moves with them.
+//! A model that contains another should not end worse. So each model with one effect less is fitted on from where the
+//! fit ended and, where the fit leaves more than noise or an effect proposes several starts, also from the signals;
+//! where one of them leaves less, the fit goes on from its end. And an element of creep that the coarse grid's own
+//! error hid is found on the fine grid: without it, the others stand in for it, and what else is fitted moves with
+//! them.
 
 use std::collections::HashMap;
 
@@ -27,8 +29,8 @@ use crate::model::Model;
 use crate::model::effects::Chosen;
 use crate::rig::Rig;
 
-/// [`calibrate`], and on from each model with one effect less, fitted the same way, that leaves less; then with as many more elements as the evidence
-/// supports, where their number is open.
+/// [`calibrate`], and on from each model with one effect less, fitted the same way, that leaves less; then with as many
+/// more elements as the evidence supports, where their number is open.
 ///
 /// # Errors
 /// As [`calibrate`].
@@ -126,7 +128,8 @@ fn without_it(
     descend(&ctx, &model, on.values, fit.reaches).map(Some)
 }
 
-/// The `rest` of a fitted model, from the signals and from smaller ones still; none where a coarse fit shows that it leaves far more.
+/// The `rest` of a fitted model, from the signals and from smaller ones still; none where a coarse fit shows that it
+/// leaves far more.
 fn searched(
     rig: &Rig,
     runs: &[RunData],
@@ -148,8 +151,8 @@ fn searched(
     Ok(Some(fit))
 }
 
-/// A fit that began elsewhere than at the signals, or, where it leaves more than noise and less is left from there, the fit from the signals: a
-/// bound may have shut out the optimum that it began at.
+/// A fit that began elsewhere than at the signals, or, where it leaves more than noise and less is left from there, the
+/// fit from the signals: a bound may have shut out the optimum that it began at.
 ///
 /// # Errors
 /// As [`calibrate`].
@@ -167,8 +170,8 @@ pub fn or_from_signals(
     Ok(if anew.cost < fit.cost { anew } else { fit })
 }
 
-/// The bigger model's fit from the smaller one's end, on its grid: with what is new almost absent, or as it usually starts. None where a few
-/// steps gain less than `least_gain` of the cost.
+/// The bigger model's fit from the smaller one's end, on its grid: with what is new almost absent, or as it usually
+/// starts. None where a few steps gain less than `least_gain` of the cost.
 fn grown(
     rig: &Rig,
     runs: &[RunData],
@@ -212,7 +215,8 @@ mod tests {
         (rig, [record])
     }
 
-    /// An elastic model of a plastic pipe follows nothing, so its optima are many; yet no effect beside it makes the end worse.
+    /// An elastic model of a plastic pipe follows nothing, so its optima are many; yet no effect beside it makes the
+    /// end worse.
     #[test]
     fn one_more_effect_never_leaves_more() {
         let (rig, runs) = plastic("viscoelastic-wall:2", &[380.0, 0.12, 0.03, 0.35, 0.6]);
@@ -229,7 +233,8 @@ mod tests {
         }
     }
 
-    /// Every effect that may be anywhere can be as small as a record needs it to be: where there is none of it, a fit with it leaves no more.
+    /// Every effect that may be anywhere can be as small as a record needs it to be: where there is none of it, a fit
+    /// with it leaves no more.
     #[test]
     fn what_is_not_there_vanishes() {
         let rig = Rig::from_toml(&HDPE.replace("HDPE", "copper"), "rig.toml").unwrap();

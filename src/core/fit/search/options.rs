@@ -12,11 +12,11 @@ pub struct Options {
     pub most_reaches: usize,
     /// Share of the noise that the grid's own error may have.
     pub grid_error_over_noise: f64,
-    /// A brief fit, to see which model is worth a whole one: few iterations on each of the finer grids, with slopes of a coarser one, and none
-    /// from smaller models.
+    /// A brief fit, to see which model is worth a whole one: few iterations on each of the finer grids, with slopes of
+    /// a coarser one, and none from smaller models.
     pub brief: bool,
-    /// Elements of creep that keep a descent from its optimum are placed again or left out. That takes longer than the fit, and changes what is known
-    /// of the elements, not which model is better.
+    /// Elements of creep that keep a descent from its optimum are placed again or left out. That takes longer than the
+    /// fit, and changes what is known of the elements, not which model is better.
     pub prune: bool,
     /// Parameters that are held, or kept within bounds of their own.
     pub constraints: Vec<Constraint>,
@@ -30,13 +30,15 @@ pub struct Options {
     pub budget: usize,
     /// Steps after which a stepwise calibration stops.
     pub most_steps: usize,
-    /// For a stepwise calibration that goes on from given values: names of the features that are still to be used, each once.
+    /// For a stepwise calibration that goes on from given values: names of the features that are still to be used, each
+    /// once.
     pub features_left: Option<Vec<String>>,
     /// Start values that replace those of signals, rig and effects.
     pub starts_at: Vec<Given>,
     /// Seed of all random numbers.
     pub seed: u64,
-    /// What is known of shared parameters from elsewhere, such as a creep test; a fit begins with the elements that it fully describes.
+    /// What is known of shared parameters from elsewhere, such as a creep test; a fit begins with the elements that it
+    /// fully describes.
     pub priors: Vec<Prior>,
 }
 

@@ -1,8 +1,9 @@
 //! The last descent of a fit, restarted until it ends at an optimum.
 //!
-//! Variables are logarithms where values are positive. A compliance that has shrunk to almost nothing hardly moves then: a step by a factor
-//! changes nothing, and the descent stops although a step of the value itself would gain much. So where the prediction exceeds the gain, the
-//! linearised problem is solved once in the values, and the descent goes on from there.
+//! Variables are logarithms where values are positive. A compliance that has shrunk to almost nothing hardly moves
+//! then: a step by a factor changes nothing, and the descent stops although a step of the value itself would gain much.
+//! So where the prediction exceeds the gain, the linearised problem is solved once in the values, and the descent goes
+//! on from there.
 
 use crate::fit::inference::optimum::bounded_step;
 use crate::fit::inference::thresholds::OPTIMUM_REDUCTION;

@@ -1,12 +1,15 @@
-//! More elements of creep than a record supports: the least useful one is taken out, then placed where it helps or left out and reported.
+//! More elements of creep than a record supports: the least useful one is taken out, then placed where it helps or left
+//! out and reported.
 //!
-//! The effect of an element is nearly linear in its compliance, not in its retardation time. Two elements of one time, and one without compliance, are edges
-//! where a descent creeps: the linearised problem keeps predicting a reduction that would take a negative spread of times, while an element of
-//! quite another time may help. So where a descent ends short of an optimum, the element that the others replace best is taken out. Then all
-//! retardation times are tried for one more, as the gradient function of a mixture is (Lindsay 1983, Ann. Statist. 11, 86), and the descent
-//! restarts at its peaks. Where none of them leads to an optimum and the element gains no more than its two parameters gain of noise
-//! alone, the record does not support it: its compliance stays at its lower bound. In autocorrelated noise an element may gain more than that by chance: it is
-//! kept then, and its errors, which take the autocorrelation into account, show how little is known of it.
+//! The effect of an element is nearly linear in its compliance, not in its retardation time. Two elements of one time,
+//! and one without compliance, are edges where a descent creeps: the linearised problem keeps predicting a reduction
+//! that would take a negative spread of times, while an element of quite another time may help. So where a descent ends
+//! short of an optimum, the element that the others replace best is taken out. Then all retardation times are tried for
+//! one more, as the gradient function of a mixture is (Lindsay 1983, Ann. Statist. 11, 86), and the descent restarts at
+//! its peaks. Where none of them leads to an optimum and the element gains no more than its two parameters gain of
+//! noise alone, the record does not support it: its compliance stays at its lower bound. In autocorrelated noise an
+//! element may gain more than that by chance: it is kept then, and its errors, which take the autocorrelation into
+//! account, show how little is known of it.
 
 use nalgebra::DVector;
 use rayon::prelude::*;
@@ -239,7 +242,8 @@ mod tests {
     use crate::model::effects::parse_list;
     use crate::rig::Rig;
 
-    /// A wall of one element, fitted with more: the fit ends at an optimum that is no worse than with one, and reports what has vanished.
+    /// A wall of one element, fitted with more: the fit ends at an optimum that is no worse than with one, and reports
+    /// what has vanished.
     #[test]
     fn more_elements_than_there_are_end_at_an_optimum() {
         let rig = Rig::from_toml(HDPE, "rig.toml").unwrap();

@@ -9,11 +9,11 @@ pub fn is_open(chosen: &Chosen) -> bool {
     chosen.elements.is_none() && chosen.effect.elements().is_some()
 }
 
-/// Names the sensor of each effect that concerns one and has none: the one with which `cost` (half the weighted sum of squares
-/// that a coarse fit leaves) is least.
+/// Names the sensor of each effect that concerns one and has none: the one with which `cost` (half the weighted sum of
+/// squares that a coarse fit leaves) is least.
 ///
-/// Where the data cannot decide, it takes the sensor farther from the valve: the one nearest the valve is what others are
-/// compared with. Of two clocks that differ, none is known to be right.
+/// Where the data cannot decide, it takes the sensor farther from the valve: the one nearest the valve is what others
+/// are compared with. Of two clocks that differ, none is known to be right.
 ///
 /// # Errors
 /// What `cost` returns.

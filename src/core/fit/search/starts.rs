@@ -1,4 +1,5 @@
-//! Where fits start: from the rig's values, from what each effect proposes beside them, from a smaller model already fitted.
+//! Where fits start: from the rig's values, from what each effect proposes beside them, from a smaller model already
+//! fitted.
 
 use crate::fit::search::calibrator::Estimate;
 use crate::model::Model;
@@ -63,7 +64,8 @@ pub(crate) fn differing(starts: &[Start], base: &[f64]) -> Vec<usize> {
     (0..base.len()).filter(|&j| starts.iter().any(|s| s.values[j] != base[j])).collect()
 }
 
-/// Sets the effects of `starts` to the strength at which they vanish, as nearly as their bounds allow; returns their parameters.
+/// Sets the effects of `starts` to the strength at which they vanish, as nearly as their bounds allow; returns their
+/// parameters.
 pub(crate) fn vanish(values: &mut [f64], starts: &[Start], model: &Model) -> Vec<usize> {
     let all: std::collections::BTreeSet<usize> = starts.iter().flat_map(|s| s.effect.clone()).collect();
     for &j in &all {
@@ -90,8 +92,8 @@ pub(crate) fn take_over(values: &mut [f64], model: &Model, small: &Model, state:
     }
 }
 
-/// Starts from a smaller fitted model. Shared parameters keep their values. A new effect is tried weak, at its own start
-/// and at each of its other starts, and almost absent, so that a richer model never fits worse.
+/// Starts from a smaller fitted model. Shared parameters keep their values. A new effect is tried weak, at its own
+/// start and at each of its other starts, and almost absent, so that a richer model never fits worse.
 pub(crate) fn starts_from(model: &Model, small: &Model, state: &Estimate, base: &[f64]) -> Vec<Vec<f64>> {
     let (shared, small_shared) = (model.shared.len(), small.shared.len());
     let grown = |mut start: Vec<f64>, gone: bool| {

@@ -1,12 +1,13 @@
 //! Stepwise calibration: a few parameters at a time, each from the feature of the record that shows it best.
 //!
-//! The order is that of Tjuatja et al. (2023) as the paper has it: wave speed, closure, creep by the phase and the damping of the late
-//! cycles, then all in turn over the whole record until a round gains little. The length of a step follows from the feature's sensitivity (a
-//! Gauss-Newton step). In a valley where parameters stand in for each other, steps in turn never quite arrive. So the last step moves all together:
-//! it is a descent of least squares from there.
+//! The order is that of Tjuatja et al. (2023) as the paper has it: wave speed, closure, creep by the phase and the
+//! damping of the late cycles, then all in turn over the whole record until a round gains little. The length of a step
+//! follows from the feature's sensitivity (a Gauss-Newton step). In a valley where parameters stand in for each other,
+//! steps in turn never quite arrive. So the last step moves all together: it is a descent of least squares from there.
 //!
-//! A person can follow it, stop it, change a value and go on. It then goes on from the given values: a feature that has been used is not
-//! used again, so that it does not undo the change. Changed values may be out of phase in the late cycles, so the first cycles come first.
+//! A person can follow it, stop it, change a value and go on. It then goes on from the given values: a feature that has
+//! been used is not used again, so that it does not undo the change. Changed values may be out of phase in the late
+//! cycles, so the first cycles come first.
 
 use std::sync::atomic::Ordering;
 
@@ -101,7 +102,8 @@ struct StepwiseWalk<'f> {
     ctx: &'f Calibrator<'f>,
     values: Vec<f64>,
     taken: Vec<StepTaken>,
-    /// Of the variables; elements of creep stay where a surge shows them, for one that has vanished has no slope to come back by.
+    /// Of the variables; elements of creep stay where a surge shows them, for one that has vanished has no slope to
+    /// come back by.
     bounds: (Vec<f64>, Vec<f64>),
 }
 
@@ -136,7 +138,8 @@ impl StepwiseWalk<'_> {
         Ok(())
     }
 
-    /// Goes further in the direction of the last round: wave speed and creep stand in for each other, so steps in turn follow a valley.
+    /// Goes further in the direction of the last round: wave speed and creep stand in for each other, so steps in turn
+    /// follow a valley.
     fn further(&mut self, problem: &FitProblem, since: &[f64], round: usize) -> Result<(), ModelError> {
         if self.stopped() {
             return Ok(());
@@ -188,8 +191,8 @@ impl StepwiseWalk<'_> {
         Ok(())
     }
 
-    /// All variables, with the law and closing time nearest to the openings read back from each run's head at the valve; unchanged
-    /// where no sensor stands there. A shared parameter takes the mean over the runs.
+    /// All variables, with the law and closing time nearest to the openings read back from each run's head at the
+    /// valve; unchanged where no sensor stands there. A shared parameter takes the mean over the runs.
     fn by_valve_curve(&self, problem: &FitProblem) -> Result<Vec<f64>, ModelError> {
         let mut values = self.values.clone();
         let mut laws = Vec::new();

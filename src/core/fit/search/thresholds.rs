@@ -1,13 +1,15 @@
 //! Thresholds of the search: what each means, and where it comes from.
 //!
-//! Costs are half sums of squares of residuals in units of the noise: a model that leaves nothing but noise costs half the number of samples.
+//! Costs are half sums of squares of residuals in units of the noise: a model that leaves nothing but noise costs half
+//! the number of samples.
 
 use crate::fit::numeric::least_squares::Limits;
 use crate::fit::outcome::thresholds::STRONG_EVIDENCE;
 
 /// Reaches of the grid while the phase locks. Tuned; data unknown.
 pub(crate) const LOCKING_REACHES: usize = 32;
-/// Samples of the slowest sensor in a step of that grid. Derived: what two samples a step cannot show, the grid does not have.
+/// Samples of the slowest sensor in a step of that grid. Derived: what two samples a step cannot show, the grid does
+/// not have.
 pub(crate) const LOCKING_PER_STEP: f64 = 2.0;
 /// Reaches of the grid while models are chosen. Tuned; data unknown.
 pub(crate) const COARSE_REACHES: usize = 48;
@@ -15,17 +17,20 @@ pub(crate) const COARSE_REACHES: usize = 48;
 pub(crate) const FINAL_REACHES: usize = 64;
 /// Samples of each sensor that coarse fits look at. Tuned; data unknown.
 pub(crate) const COARSE_SAMPLES: usize = 2500;
-/// First cycles, in periods, that a fit looks at one after the other so that the phase locks: each time almost twice as many, for from 1.5 periods to 5 a
-/// fit with gas loses its way. Tuned; the measured trace of Adelaide, with its head off by up to 0.13 m.
+/// First cycles, in periods, that a fit looks at one after the other so that the phase locks: each time almost twice as
+/// many, for from 1.5 periods to 5 a fit with gas loses its way. Tuned; the measured trace of Adelaide, with its head
+/// off by up to 0.13 m.
 pub(crate) const LOCKING_PERIODS: [f64; 3] = [1.5, 2.7, 5.0];
 
 /// How many of the places where an effect was screened are followed further. Tuned; data unknown.
 pub(crate) const MAX_RELEASED: usize = 4;
-/// Cost, as a share of what there was, below which several effects that may be anywhere are looked for once more. Cost, and chosen.
+/// Cost, as a share of what there was, below which several effects that may be anywhere are looked for once more. Cost,
+/// and chosen.
 pub(crate) const LOOKED_AGAIN: f64 = 0.7;
 /// How many fits of the first cycles go on to the whole record. Tuned; data unknown.
 pub(crate) const FOLLOWED: usize = 2;
-/// Cost for each sample above which a fit is too poor to grow a richer one from: four times the variance of noise. Tuned; data unknown.
+/// Cost for each sample above which a fit is too poor to grow a richer one from: four times the variance of noise.
+/// Tuned; data unknown.
 pub(crate) const POOR_FIT_COST: f64 = 2.0;
 /// A start that costs this many times the best fit so far is not descended from. Tuned; data unknown.
 pub(crate) const HOPELESS_START_RATIO: f64 = 30.0;
@@ -41,17 +46,18 @@ pub(crate) const COARSE: Limits =
     Limits { iterations: 30, cost_tolerance: 3e-4, step_tolerance: 1e-7, thorough: false };
 /// Of a fit of the first cycles: what it leaves undone the next window does. Cost.
 pub(crate) const LOCKING: Limits = Limits { cost_tolerance: 3e-3, ..COARSE };
-/// Half the difference of two fits' sums of squares below which the data cannot tell two sensors apart. Derived: half of strong evidence.
+/// Half the difference of two fits' sums of squares below which the data cannot tell two sensors apart. Derived: half
+/// of strong evidence.
 pub(crate) const SENSOR_TIE: f64 = 0.5 * STRONG_EVIDENCE;
 
-/// Mean square of what a fit leaves, in units of the noise, above which smaller models are fitted, too. Derived: below, none can leave less by
-/// more than noise.
+/// Mean square of what a fit leaves, in units of the noise, above which smaller models are fitted, too. Derived: below,
+/// none can leave less by more than noise.
 pub(crate) const SMALLER_ABOVE: f64 = 2.0;
-/// A smaller model that leaves this many times the bigger one's sum of squares after a few steps from its end is not fitted further. Cost, and
-/// chosen: a few steps more gain less.
+/// A smaller model that leaves this many times the bigger one's sum of squares after a few steps from its end is not
+/// fitted further. Cost, and chosen: a few steps more gain less.
 pub(crate) const AS_GOOD_WITHOUT: f64 = 1.02;
-/// A smaller model that leaves this many times the bigger one's mean square on the coarse grid is not fitted further. Cost, and chosen: the
-/// coarse grid may err by as much.
+/// A smaller model that leaves this many times the bigger one's mean square on the coarse grid is not fitted further.
+/// Cost, and chosen: the coarse grid may err by as much.
 pub(crate) const HOPELESS_SMALLER: f64 = 1.5;
 
 /// Of the fits while the grid is refined. Tuned; data unknown.
@@ -66,8 +72,8 @@ pub(crate) const PATIENCE: usize = 40;
 pub(crate) const BRIEF: usize = 6;
 /// Pull of the grid on a parameter, in its standard errors, that asks for a finer grid. Chosen.
 pub(crate) const MAX_GRID_PULL: f64 = 2.0;
-/// Fall of the sum of squares, in units of what one sample leaves, that is not worth another iteration. Derived: a seventh of a standard
-/// error.
+/// Fall of the sum of squares, in units of what one sample leaves, that is not worth another iteration. Derived: a
+/// seventh of a standard error.
 pub(crate) const POLISH_REDUCTION: f64 = 0.02;
 /// How often a descent that has given up starts anew at most. Tuned; data unknown.
 pub(crate) const MAX_RESTARTS: usize = 3;
@@ -78,16 +84,16 @@ pub(crate) const STEP_SHARES: [f64; 4] = [1.0, 0.5, 0.2, 0.05];
 pub(crate) const PROBED_TIMES: usize = 32;
 /// At how many of these a descent starts at most. Tuned; data unknown.
 pub(crate) const MAX_PLACEMENTS: usize = 3;
-/// Fall of the sum of squares that an element's two parameters bring of noise alone, in units of what one sample leaves. Derived: the mean of
-/// χ² with two degrees of freedom.
+/// Fall of the sum of squares that an element's two parameters bring of noise alone, in units of what one sample
+/// leaves. Derived: the mean of χ² with two degrees of freedom.
 pub(crate) const ELEMENT_NOISE_REDUCTION: f64 = 2.0;
 /// Compliance that stands for none, in units of the least. Chosen.
 pub(crate) const NO_COMPLIANCE: f64 = 1e-12;
 
 /// How far a global search goes from what is known beforehand, in standard deviations. Chosen.
 pub(crate) const PRIOR_HALF_WIDTH: f64 = 4.0;
-/// How far it goes at least from a measured velocity, as a share of it, and from the start of the closure that the signals show, as a share
-/// of the period. Tuned; data unknown.
+/// How far it goes at least from a measured velocity, as a share of it, and from the start of the closure that the
+/// signals show, as a share of the period. Tuned; data unknown.
 pub(crate) const MIN_WINDOW_SHARE: f64 = 0.05;
 /// Cost of what cannot be simulated: more than of anything that can. Chosen.
 pub(crate) const IMPOSSIBLE_COST: f64 = 1e300;

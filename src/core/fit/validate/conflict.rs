@@ -1,4 +1,5 @@
-//! Where a fit contradicts what was known before it: a fit may reach the noise with a velocity that contradicts the meter.
+//! Where a fit contradicts what was known before it: a fit may reach the noise with a velocity that contradicts the
+//! meter.
 
 use crate::fit::data::run_data::{RunData, ShownClosing};
 use crate::fit::data::thresholds::CLOSING_TIME_FACTOR;
@@ -171,8 +172,8 @@ fn of_record(run: &RunData) -> Vec<String> {
     saturated.chain(closing).collect()
 }
 
-/// Whether a closing time lies farther from the rig file's than its tolerance and what the record leaves open; where the file gives no tolerance, by a
-/// factor.
+/// Whether a closing time lies farther from the rig file's than its tolerance and what the record leaves open; where
+/// the file gives no tolerance, by a factor.
 fn contradicts_rig_file(closing: &ShownClosing) -> bool {
     let ((seen_s, error_s), (said_s, sd_s)) = (closing.seen_s, closing.said_s);
     match sd_s {
@@ -181,7 +182,8 @@ fn contradicts_rig_file(closing: &ShownClosing) -> bool {
     }
 }
 
-/// One sentence for each run whose [noise dies away](RunFit::noise_dies_away): no conflict, but its errors are those of the noise before the closure.
+/// One sentence for each run whose [noise dies away](RunFit::noise_dies_away): no conflict, but its errors are those of
+/// the noise before the closure.
 pub fn faded_noise(fit: &Fit) -> Vec<String> {
     let shared = if fit.runs.len() > 1 { ", as may those of what it shares with other runs" } else { "" };
     let faded = fit.runs.iter().filter(|run| run.noise_dies_away);
@@ -202,8 +204,9 @@ pub fn lacks_something(rmse_m: f64, noise_m: f64, grid_error_m: f64) -> bool {
     rmse_m > LACKING_RATIO * noise_m.hypot(2.0 * grid_error_m)
 }
 
-/// A sentence where the model leaves more than the noise and its grid's own error, with where what it lacks has `pulled` its values as far as that
-/// shows. Its intervals take account of how large and how slow that error is, not of where the missing effect pulls the parameters.
+/// A sentence where the model leaves more than the noise and its grid's own error, with where what it lacks has
+/// `pulled` its values as far as that shows. Its intervals take account of how large and how slow that error is, not of
+/// where the missing effect pulls the parameters.
 fn lacking(rmse_m: f64, noise_m: f64, pulled: &[String]) -> String {
     let shown = if pulled.is_empty() { String::new() } else { format!(" ({})", pulled.join("; ")) };
     format!(
@@ -213,8 +216,9 @@ fn lacking(rmse_m: f64, noise_m: f64, pulled: &[String]) -> String {
     )
 }
 
-/// All warnings of a fit: conflicts with what was known, sensors that stand elsewhere, parameters at their bounds, noise that dies away, and intervals
-/// that are too narrow because an effect is missing. What says no more than that is part of that sentence.
+/// All warnings of a fit: conflicts with what was known, sensors that stand elsewhere, parameters at their bounds,
+/// noise that dies away, and intervals that are too narrow because an effect is missing. What says no more than that is
+/// part of that sentence.
 pub fn warnings(fit: &Fit, runs: &[RunData]) -> Vec<String> {
     let records = of_records(runs).into_iter();
     // Values away from an optimum contradict nothing.
@@ -234,7 +238,8 @@ pub fn warnings(fit: &Fit, runs: &[RunData]) -> Vec<String> {
     records.chain(own).chain(of_values).chain(faded_noise(fit)).chain(lacking).collect()
 }
 
-/// One sentence for each parameter that ended at a bound, unless it is [unidentifiable](Fit::unidentifiable), or a friction whose conflict says so.
+/// One sentence for each parameter that ended at a bound, unless it is [unidentifiable](Fit::unidentifiable), or a
+/// friction whose conflict says so.
 pub fn at_bounds(fit: &Fit) -> Vec<String> {
     let explained = |name: &String| fit.unidentifiable.iter().any(|u| u.parameters.contains(name));
     let at_bound = fit.parameters.iter().filter(|p| p.at_bound && !explained(&p.name) && !is_strange_friction(p));
@@ -268,7 +273,8 @@ mod tests {
         assert!(dies_away(&run, "").starts_with("a.mcap: the fit leaves 0.26 of the noise before the closure"));
     }
 
-    /// A valve of 2 s that is seen to close in 2.013 s is no conflict, however well that is seen; one that is stated to 1% and seen to close in 2.3 s is.
+    /// A valve of 2 s that is seen to close in 2.013 s is no conflict, however well that is seen; one that is stated to
+    /// 1% and seen to close in 2.3 s is.
     #[test]
     fn a_closing_time_is_judged_by_what_the_rig_file_leaves_open() {
         let closing = |seen_s, said_s| contradicts_rig_file(&ShownClosing { seen_s, said_s });

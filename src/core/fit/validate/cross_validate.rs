@@ -1,7 +1,8 @@
-//! Cross-validation: a model is fitted without one sensor, one run, or the last part of the time, and predicts what was left out.
+//! Cross-validation: a model is fitted without one sensor, one run, or the last part of the time, and predicts what was
+//! left out.
 //!
-//! Stone (1974), *J. R. Stat. Soc. B* 36, 111. The zero of a sensor left out comes from its samples before the closure; the values of a run left
-//! out come from its signals, as in [`crate::fit::validate::predict`].
+//! Stone (1974), *J. R. Stat. Soc. B* 36, 111. The zero of a sensor left out comes from its samples before the closure;
+//! the values of a run left out come from its signals, as in [`crate::fit::validate::predict`].
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 

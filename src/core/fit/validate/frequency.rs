@@ -1,5 +1,5 @@
-//! Frequency response of record and model: amplitude and phase of the head at the pipe's odd harmonics, both through one window
-//! ([`crate::signal::harmonics`]), from the end of the closure to the end of the record.
+//! Frequency response of record and model: amplitude and phase of the head at the pipe's odd harmonics, both through
+//! one window ([`crate::signal::harmonics`]), from the end of the closure to the end of the record.
 
 use crate::fit::problem::objective::odd_harmonics;
 use crate::signal::harmonics::{Response, Tone, Window};
@@ -63,8 +63,8 @@ pub struct SensorResponse {
     pub harmonics: Vec<Harmonic>,
 }
 
-/// The response at a sensor of a pipe whose period is `period_s` (4L/a), the closure taking `closing_s`; none where the record lasts less than three
-/// periods after it.
+/// The response at a sensor of a pipe whose period is `period_s` (4L/a), the closure taking `closing_s`; none where the
+/// record lasts less than three periods after it.
 pub fn response(traces: &Traces, period_s: f64, closing_s: f64) -> Option<SensorResponse> {
     let to_s = *traces.time_s.last()?;
     let seen = |period_s: f64| {

@@ -1,4 +1,5 @@
-//! How well a model describes samples that it was not fitted to, and whether it predicts the last part of each record from the first.
+//! How well a model describes samples that it was not fitted to, and whether it predicts the last part of each record
+//! from the first.
 
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
@@ -50,7 +51,8 @@ pub fn carried(problem: &FitProblem, fit: &Fit) -> Vec<f64> {
     problem.parameters.iter().enumerate().map(|(j, p)| known(j, &p.name).map_or(p.start, |p| p.value)).collect()
 }
 
-/// Errors of a run's sensors after the start of the closure, from `after_s[r]` on the recording's clock, at values of all variables.
+/// Errors of a run's sensors after the start of the closure, from `after_s[r]` on the recording's clock, at values of
+/// all variables.
 ///
 /// # Errors
 /// As [`Model::simulate`].
@@ -70,7 +72,8 @@ pub fn errors(problem: &FitProblem, r: usize, values: &[f64], after_s: f64) -> R
     Ok(tally.collect())
 }
 
-/// RMSE over the last part of the records of a model that was fitted to the first, m; infinite where there is no last part.
+/// RMSE over the last part of the records of a model that was fitted to the first, m; infinite where there is no last
+/// part.
 ///
 /// # Errors
 /// As [`refine`].

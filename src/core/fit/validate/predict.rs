@@ -1,9 +1,9 @@
 //! A model predicts recordings that it was not fitted to.
 //!
-//! Shared parameters (wave speed, creep, gas …) come from the model as they are. A run's own values come from its signals: the head before the
-//! valve from the steady sensors, the friction from the model's own runs; velocity (within the flow meter's uncertainty), start and duration of
-//! the closure and the sensors' zeros from the samples up to the first return of the wave, 2L/a after the closure starts. Everything after that
-//! is prediction.
+//! Shared parameters (wave speed, creep, gas …) come from the model as they are. A run's own values come from its
+//! signals: the head before the valve from the steady sensors, the friction from the model's own runs; velocity (within
+//! the flow meter's uncertainty), start and duration of the closure and the sensors' zeros from the samples up to the
+//! first return of the wave, 2L/a after the closure starts. Everything after that is prediction.
 
 use nalgebra::DMatrix;
 
@@ -103,7 +103,8 @@ impl Prediction {
     }
 }
 
-/// Predicts `runs` on `rig`; `held` gives values of the runs' own parameters that are better known than from the signals.
+/// Predicts `runs` on `rig`; `held` gives values of the runs' own parameters that are better known than from the
+/// signals.
 ///
 /// # Errors
 /// As [`refine`]; a held value that the model does not have, or that is outside its bounds.
@@ -238,8 +239,9 @@ mod tests {
     use super::*;
     use crate::fit::numeric::uncertainty::covariance;
 
-    /// y = v + a t + o with a held at a value that is known to 0.1, over samples about t = 2: v makes up for what a is off by, twice as much; an offset that is held and known
-    /// to 0.3 is taken by v whole. At t = 2 nothing of either is left, at t = 5 three times what a is off by.
+    /// y = v + a t + o with a held at a value that is known to 0.1, over samples about t = 2: v makes up for what a is
+    /// off by, twice as much; an offset that is held and known to 0.3 is taken by v whole. At t = 2 nothing of either
+    /// is left, at t = 5 three times what a is off by.
     #[test]
     fn what_is_free_makes_up_for_what_is_held() {
         let t: Vec<f64> = (0..101).map(|i| 1.0 + f64::from(i) / 50.0).collect();

@@ -1,10 +1,12 @@
-//! Profile likelihood: how far one parameter can move, with all others following, before the fit is worse than noise explains.
+//! Profile likelihood: how far one parameter can move, with all others following, before the fit is worse than noise
+//! explains.
 //!
-//! Along the parameter the sum of squares is minimised over all others; the interval ends where it has risen by the 95% point of χ² with one
-//! degree of freedom (Venzon & Moolgavkar 1988, Appl. Statist. 37, 87), times the factor by which the parameter scatters more
-//! than white noise of the believed size would let it (Kent 1982, Biometrika 69, 19): see [`crate::fit::inference::errors`]. Where the problem is linear that
-//! is the linear interval; a side is open where the bound comes before the threshold, and unknown where no optimum was found before the
-//! threshold: see [`walk`]. An element of creep that has vanished in the fit ([`crate::fit::problem::elements`]) stays so.
+//! Along the parameter the sum of squares is minimised over all others; the interval ends where it has risen by the 95%
+//! point of χ² with one degree of freedom (Venzon & Moolgavkar 1988, Appl. Statist. 37, 87), times the factor by which
+//! the parameter scatters more than white noise of the believed size would let it (Kent 1982, Biometrika 69, 19): see
+//! [`crate::fit::inference::errors`]. Where the problem is linear that is the linear interval; a side is open where the
+//! bound comes before the threshold, and unknown where no optimum was found before the threshold: see [`walk`]. An
+//! element of creep that has vanished in the fit ([`crate::fit::problem::elements`]) stays so.
 
 pub(crate) mod walk;
 
@@ -34,7 +36,8 @@ use crate::rig::Rig;
 pub struct Profiles {
     /// Of each parameter that was asked for.
     pub of_each: Vec<Profile>,
-    /// By how much lower than the fit's the sum of squares is at their centre, in units of what one sample leaves there.
+    /// By how much lower than the fit's the sum of squares is at their centre, in units of what one sample leaves
+    /// there.
     pub below_fit: f64,
     /// Simulations that they took.
     pub evaluations: usize,
@@ -42,8 +45,9 @@ pub struct Profiles {
 
 /// Profiles of the parameters `which` of a fit, by their index, in that order.
 ///
-/// Their centre is the optimum that a descent from the fit leads to on its own grid, whether or not the fit ended there. They are walked on a grid of
-/// [`FINAL_REACHES`] reaches or little more, about the best fit there: the grid moves a valley more than it bends it.
+/// Their centre is the optimum that a descent from the fit leads to on its own grid, whether or not the fit ended
+/// there. They are walked on a grid of [`FINAL_REACHES`] reaches or little more, about the best fit there: the grid
+/// moves a valley more than it bends it.
 ///
 /// # Errors
 /// As [`crate::fit::search::calibrate::refine`].

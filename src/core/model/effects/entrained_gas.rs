@@ -43,8 +43,8 @@ impl Effect for EntrainedGas {
     fn lets_boil(&self) -> bool {
         true
     }
-    /// Gas of a fraction of 10⁻⁷ or less moves no wave and only keeps cavities apart: it computes vapour cavities (Wylie 1984; Simpson & Bergant 1994,
-    /// J. Hydraul. Eng. 120(3):361-377).
+    /// Gas of a fraction of 10⁻⁷ or less moves no wave and only keeps cavities apart: it computes vapour cavities
+    /// (Wylie 1984; Simpson & Bergant 1994, J. Hydraul. Eng. 120(3):361-377).
     fn stands_for(&self, values: &[f64]) -> Option<&'static str> {
         values.first().filter(|fraction| **fraction <= CAVITIES_ONLY).map(|_| "vapour-cavity")
     }

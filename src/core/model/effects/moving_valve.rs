@@ -1,4 +1,5 @@
-//! The valve, and with it the pipe's end, on elastic supports: rising pressure pushes it outward, and the pipe takes in water.
+//! The valve, and with it the pipe's end, on elastic supports: rising pressure pushes it outward, and the pipe takes in
+//! water.
 
 use crate::model::effect::{Attachment, Effect, Element, Place, check};
 use crate::model::error::ModelError;

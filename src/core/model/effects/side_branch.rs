@@ -172,7 +172,8 @@ impl Shunt for DeadEnd {
 mod tests {
     use super::*;
 
-    /// A head that follows a wave of one frequency: the flow is that of a lossless stub, `Q = Y tan(ωl/a) h` a quarter turn ahead.
+    /// A head that follows a wave of one frequency: the flow is that of a lossless stub, `Q = Y tan(ωl/a) h` a quarter
+    /// turn ahead.
     #[test]
     fn its_admittance_is_that_of_a_closed_stub() {
         for delay in [0.3, 0.999, 1.0, 1.5, 2.7, 13.4] {
@@ -193,7 +194,8 @@ mod tests {
                     size = size.max(flow.abs());
                 }
             }
-            // Within one step the interpolation is linear and swallows `½ s (1 - s) ω²` of the wave: a small real admittance.
+            // Within one step the interpolation is linear and swallows `½ s (1 - s) ω²` of the wave: a small real
+            // admittance.
             let swallowed = if delay < 1.0 { 0.25 * delay * (1.0 - delay) * turn * turn * 2e-3 } else { 0.0 };
             assert!(worst < 2e-3 * exact + 1.01 * swallowed, "{delay}: {worst} of {exact}");
             assert!((size / exact - 1.0).abs() < 2e-3, "{delay}");
@@ -213,7 +215,8 @@ mod tests {
         }
     }
 
-    /// A branch that falls between nodes is not blurred: its error stays that of one on a node, and falls at more than first order.
+    /// A branch that falls between nodes is not blurred: its error stays that of one on a node, and falls at more than
+    /// first order.
     #[test]
     fn a_branch_between_nodes_is_as_sharp_as_one_on_a_node() {
         use crate::model::effects::parse_list;

@@ -142,8 +142,8 @@ impl Memory {
         Memory { segment, nodes, states }
     }
 
-    /// One block: takes its new flows and adds the known part of the next step. Loops by index: adapters of iterators are functions of
-    /// their own, which a build in many units leaves as calls, ten times slower.
+    /// One block: takes its new flows and adds the known part of the next step. Loops by index: adapters of iterators
+    /// are functions of their own, which a build in many units leaves as calls, ten times slower.
     #[inline(always)]
     fn advance(
         terms: &[(f64, f64)],

@@ -50,8 +50,8 @@ impl Effect for VapourCavity {
     fn lets_boil(&self) -> bool {
         true
     }
-    /// If the record lies on the floor of vapour pressure, the water boils: nothing else stops a fall there. But a trough may end near the floor
-    /// by chance.
+    /// If the record lies on the floor of vapour pressure, the water boils: nothing else stops a fall there. But a
+    /// trough may end near the floor by chance.
     fn odds(&self, known: &Circumstances) -> f64 {
         if known.above_vapour_m < FLOOR_M { SHOWN } else { 1.0 }
     }

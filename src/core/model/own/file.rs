@@ -328,7 +328,8 @@ const TRIED: [[f64; 6]; 7] = [
     [23.0, 309.0, 1e-2, 61.3, 4.3e-3, 12.1],
 ];
 
-/// A law must be a number wherever it is tried, and change nothing where a parameter has the value at which it vanishes.
+/// A law must be a number wherever it is tried, and change nothing where a parameter has the value at which it
+/// vanishes.
 fn vanishes(d: &Definition) -> Result<(), String> {
     let starts: Vec<f64> = d.parameters.iter().map(|p| if p.start.is_nan() { 50.0 } else { p.start }).collect();
     let mut cases = vec![(starts.clone(), None)];

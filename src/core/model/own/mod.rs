@@ -1,4 +1,5 @@
-//! Effects of one's own: the files `effects/NAME.toml` beside a rig file, each an [`Effect`] like those of the catalogue.
+//! Effects of one's own: the files `effects/NAME.toml` beside a rig file, each an [`Effect`] like those of the
+//! catalogue.
 
 pub mod file;
 pub mod number;
@@ -83,7 +84,8 @@ impl OwnEffect {
 }
 
 /// Shares of its range at which a parameter that no record shows near its start is tried, too: a valve that opens above
-/// every head leaves no trace. They are dense near the lower bound: bounds of a threshold reach far above what a test reaches.
+/// every head leaves no trace. They are dense near the lower bound: bounds of a threshold reach far above what a test
+/// reaches.
 const SHARES: [f64; 5] = [0.04, 0.1, 0.2, 0.4, 0.7];
 
 impl Effect for OwnEffect {

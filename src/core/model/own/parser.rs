@@ -33,7 +33,8 @@ const TWO: [(&str, Binary); 2] = [("min", Binary::Min), ("max", Binary::Max)];
 pub const WORDS: [&str; 15] =
     ["and", "or", "not", "if", "min", "max", "abs", "sign", "sqrt", "exp", "ln", "sin", "cos", "g", "pi"];
 
-/// Compiles a law. `names` are the inputs that it may read, by their numbers; `hint` says why one that is not there is missing.
+/// Compiles a law. `names` are the inputs that it may read, by their numbers; `hint` says why one that is not there is
+/// missing.
 ///
 /// # Errors
 /// The first fault.

@@ -1,10 +1,10 @@
 //! A law as a flat list of steps, each on the results of earlier ones.
 //!
 //! It is our own and not rhai, evalexpr or fasteval. rhai is a whole language with loops, whose scripts need limits on
-//! time and memory, and it boxes every value. evalexpr and fasteval give numbers alone: a solver also needs the derivative
-//! by the head, and the nodes of a wall want to be computed several at a time. The language has no loops and no names of
-//! its own, so a parser and this list are shorter than what would wrap another crate, and every law ends after as many
-//! steps as it has.
+//! time and memory, and it boxes every value. evalexpr and fasteval give numbers alone: a solver also needs the
+//! derivative by the head, and the nodes of a wall want to be computed several at a time. The language has no loops and
+//! no names of its own, so a parser and this list are shorter than what would wrap another crate, and every law ends
+//! after as many steps as it has.
 
 use crate::model::own::number::{Binary, Dual, Number, Unary};
 

@@ -74,9 +74,9 @@ impl Running {
         (value, slope)
     }
 
-    /// Moves the states over a step that ends at a time with a head or flow. Each moves as a linear equation would, with the head in
-    /// the middle of the step (the exponential Rosenbrock-Euler method: Hochbruck & Ostermann 2010, Acta Numerica 19, 209), so a fast
-    /// state stays stable.
+    /// Moves the states over a step that ends at a time with a head or flow. Each moves as a linear equation would,
+    /// with the head in the middle of the step (the exponential Rosenbrock-Euler method: Hochbruck & Ostermann 2010,
+    /// Acta Numerica 19, 209), so a fast state stays stable.
     pub fn advance(&mut self, time_s: f64, dt_s: f64, moving: f64) {
         const MOST_STATES: usize = 20;
         let work = self.work.get_mut();

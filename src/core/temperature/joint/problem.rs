@@ -1,7 +1,8 @@
 //! All runs as one least-squares problem.
 //!
-//! Variables are the laws', then each run's own as in [`FitProblem`], the last of them the error of its thermometer: a wave speed known to a
-//! hundred-thousandth shows the temperature better than any thermometer. Residuals are the samples of all runs, then each run's priors and meter.
+//! Variables are the laws', then each run's own as in [`FitProblem`], the last of them the error of its thermometer: a
+//! wave speed known to a hundred-thousandth shows the temperature better than any thermometer. Residuals are the
+//! samples of all runs, then each run's priors and meter.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -83,7 +84,8 @@ impl<'a> JointProblem<'a> {
         self.own[r] + self.problems[r].parameters.len() - self.shared
     }
 
-    /// Residuals of one run: samples, priors, meter, thermometer; with `keep`, its simulation is stored for later differences.
+    /// Residuals of one run: samples, priors, meter, thermometer; with `keep`, its simulation is stored for later
+    /// differences.
     fn run_residuals(&self, r: usize, x: &[f64], keep: bool) -> Result<Vec<f64>, ModelError> {
         let mut out = self.problems[r].all_residuals(&self.of_run(r, x), keep)?;
         out.push(x[self.thermometer(r)] / self.temperature_sd_k);

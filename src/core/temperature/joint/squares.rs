@@ -29,9 +29,10 @@ pub(crate) fn sums(
     }
 }
 
-/// How much more noise makes the laws leave than the separate fits, for each parameter that they save: 1 where it is as white as believed. Other noise gives a parameter what
-/// it contains at the frequencies that the parameter moves: the mean of the weights of the sum of χ² that the difference is (Rao & Scott 1981, J. Am. Stat.
-/// Assoc. 76, 221; Rotnitzky & Jewell 1990, Biometrika 77, 485).
+/// How much more noise makes the laws leave than the separate fits, for each parameter that they save: 1 where it is as
+/// white as believed. Other noise gives a parameter what it contains at the frequencies that the parameter moves: the
+/// mean of the weights of the sum of χ² that the difference is (Rao & Scott 1981, J. Am. Stat. Assoc. 76, 221;
+/// Rotnitzky & Jewell 1990, Biometrika 77, 485).
 pub(crate) fn noise_per_parameter(
     joint: &JointProblem,
     fits: &[Fit],

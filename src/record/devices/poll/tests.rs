@@ -8,7 +8,8 @@ use crate::record::devices::poll::*;
 const UNIT: u8 = 5;
 const TIMEOUT: Duration = Duration::from_millis(20);
 
-/// A slave in a thread of its own that answers in order, each answer as often as it chooses, after a delay each time; register `a` holds `a`.
+/// A slave in a thread of its own that answers in order, each answer as often as it chooses, after a delay each time;
+/// register `a` holds `a`.
 struct Slave {
     requests: Sender<Vec<u8>>,
     answers: Receiver<Vec<u8>>,

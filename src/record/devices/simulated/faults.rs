@@ -2,8 +2,8 @@
 
 use std::str::FromStr;
 
-/// Probabilities per frame (line, answer) of one fault each. The first and the last frame go through unharmed, so that the sequence
-/// tells of every fault.
+/// Probabilities per frame (line, answer) of one fault each. The first and the last frame go through unharmed, so that
+/// the sequence tells of every fault.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Faults {
     /// One bit flips on the wire.

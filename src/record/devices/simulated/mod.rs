@@ -1,4 +1,5 @@
-//! Devices that are not there: each plays given data by its real protocol through a real pseudo-terminal, with faults where asked for.
+//! Devices that are not there: each plays given data by its real protocol through a real pseudo-terminal, with faults
+//! where asked for.
 
 pub(crate) mod faults;
 pub(crate) mod pty;

@@ -9,7 +9,8 @@ use crate::rig::{Device, Protocol, Rig, TimeUnit, Wiring};
 pub struct Playback {
     /// Time between samples, ns.
     pub sample_period_ns: u32,
-    /// Samples of each sensor wired to the device, in its unit, by the sensor's index in the rig; all of the same length.
+    /// Samples of each sensor wired to the device, in its unit, by the sensor's index in the rig; all of the same
+    /// length.
     pub sensors: Vec<(usize, Vec<f64>)>,
 }
 
@@ -35,7 +36,8 @@ pub(crate) enum Form {
 }
 
 impl Script {
-    /// Turns samples into the device's numbers, by the inverse of each sensor's scale and offset; a channel without a sensor is 0.
+    /// Turns samples into the device's numbers, by the inverse of each sensor's scale and offset; a channel without a
+    /// sensor is 0.
     pub fn new(playback: &Playback, rig: &Rig, device: &Device) -> Result<Script, RecordError> {
         let refuse = |reason: &str| Err(RecordError::Playback(reason.to_owned()));
         let rows = playback.sensors.first().map_or(0, |(_, samples)| samples.len());

@@ -38,7 +38,8 @@ fn frame(index: i64, stamp_us: i64, closes_ms: i64) -> Vec<u8> {
     Frame::new(index as u16, stamp_us as u64, 1_000_000, 1, counts).unwrap().encode()
 }
 
-/// Records messages of devices A (0) and B (1) in the order of their arrivals, ns; the last is not older than the session's end.
+/// Records messages of devices A (0) and B (1) in the order of their arrivals, ns; the last is not older than the
+/// session's end.
 fn played(options: &Options, messages: Vec<(i64, usize, Vec<u8>)>) -> Summary {
     played_on(&rig("frames"), options, messages)
 }
@@ -202,7 +203,8 @@ fn a_device_that_pauses_is_no_clock_that_was_set() {
     assert!((gap.to_s - gap.from_s - 3.001).abs() < 1e-4 && gap.samples == Some(3000), "{gap:?}");
 }
 
-/// Of the trigger's own device nothing comes any more while the other goes on: what it measured last decides how short the shot is.
+/// Of the trigger's own device nothing comes any more while the other goes on: what it measured last decides how short
+/// the shot is.
 #[test]
 fn a_shot_does_not_end_before_the_triggers_own_sensor() {
     let folder = tempfile::tempdir().unwrap();
@@ -246,7 +248,8 @@ fn a_device_is_silent_when_more_is_due_than_its_rhythm_allows() {
     assert_eq!(after(&streams[0], 3500), None, "it owes nothing more");
 }
 
-/// The port is gone for 2 s, and the clock of the device that comes back reads 0.3 s later than it should: too early for it to have run on.
+/// The port is gone for 2 s, and the clock of the device that comes back reads 0.3 s later than it should: too early
+/// for it to have run on.
 #[test]
 fn a_device_that_comes_back_with_a_clock_a_little_ahead_has_restarted() {
     for (ahead_us, late_ms, restarts) in [(300_000, 0, 1), (0, 0, 0), (0, 250, 0), (-5_000_000, 0, 1)] {
@@ -276,7 +279,8 @@ fn a_device_that_comes_back_with_a_clock_a_little_ahead_has_restarted() {
     }
 }
 
-/// Nobody asks while the port is gone: what fell out meanwhile is missing, and nothing is where the next poll comes in time.
+/// Nobody asks while the port is gone: what fell out meanwhile is missing, and nothing is where the next poll comes in
+/// time.
 #[test]
 fn a_polled_device_whose_port_was_gone_has_a_hole() {
     for (back_at, gap_s) in [(40, Some((2.375, 5.0))), (20, None)] {

@@ -1,4 +1,5 @@
-//! The last seconds of every sensor, out of which a shot takes what came before its trigger fired. Bounded in time, and in bytes.
+//! The last seconds of every sensor, out of which a shot takes what came before its trigger fired. Bounded in time, and
+//! in bytes.
 
 use std::collections::VecDeque;
 
@@ -6,8 +7,8 @@ use crate::record::clock::device_clock::seconds;
 use crate::record::session::shot::Batch;
 use crate::recording::Gap;
 
-/// Samples that wait for a trigger's sensor which is behind them take no more memory than this, bytes: 22 s of three sensors at 500 kHz.
-/// What the time before a shot needs is kept, whatever it takes.
+/// Samples that wait for a trigger's sensor which is behind them take no more memory than this, bytes: 22 s of three
+/// sensors at 500 kHz. What the time before a shot needs is kept, whatever it takes.
 pub(crate) const MOST_BYTES: usize = 256 << 20;
 /// So many batches come between two looks at what is no longer needed.
 const FORGET_EVERY: usize = 100;
@@ -68,7 +69,8 @@ impl Kept {
         self.unsifted >= FORGET_EVERY
     }
 
-    /// Drops what is no longer `needed` of each sensor, and the oldest where it is too much; of each sensor its last batch stays.
+    /// Drops what is no longer `needed` of each sensor, and the oldest where it is too much; of each sensor its last
+    /// batch stays.
     pub(crate) fn forget(&mut self, needed: &[Needed]) {
         self.unsifted = 0;
         let mut last = vec![0; needed.len()];

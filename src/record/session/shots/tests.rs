@@ -13,7 +13,8 @@ fn frame(shots: &mut Shots, monitor: &Monitor, sensor: usize, k: i64) {
     shots.tick(monitor).unwrap();
 }
 
-/// The trigger's sensor comes 3.3 s late, and there is room for 3 s of the other: the shot reports what had to go for it as missing.
+/// The trigger's sensor comes 3.3 s late, and there is room for 3 s of the other: the shot reports what had to go for
+/// it as missing.
 #[test]
 fn what_there_is_no_memory_for_is_a_gap_of_the_shot() {
     let folder = tempfile::tempdir().unwrap();

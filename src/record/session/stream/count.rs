@@ -98,7 +98,8 @@ pub fn count(stream: &Stream<'_>, waited: (u64, f64)) -> DeviceCount {
     count
 }
 
-/// What is known of its clock by now, for a recording that ends before the session; `several` devices have theirs compared.
+/// What is known of its clock by now, for a recording that ends before the session; `several` devices have theirs
+/// compared.
 pub fn clock_notes(stream: &Stream<'_>, several: bool) -> impl Iterator<Item = (String, String)> {
     let mut count = count(stream, (0, 0.0));
     count.warn(several);
@@ -157,7 +158,8 @@ fn tally(stream: &Stream<'_>, waited: (u64, f64)) -> DeviceCount {
     count
 }
 
-/// Why polls fell out, and what to do about it; one that is read though it `ignores` echoes is left alone after each late answer.
+/// Why polls fell out, and what to do about it; one that is read though it `ignores` echoes is left alone after each
+/// late answer.
 fn poll_warning(stream: &Stream<'_>, count: &DeviceCount, ignores: bool) -> Option<String> {
     let Protocol::ModbusRtu { poll_interval_s, timeout_s, .. } = stream.device.protocol else { return None };
     let (lost, skipped) = (count.lost_frames, count.skipped_polls);

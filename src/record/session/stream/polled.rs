@@ -9,7 +9,8 @@ use crate::record::session::stream::state::{Codec, State, Stream};
 use crate::recording::Gap;
 use crate::rig::Protocol;
 
-/// A sensor whose port was gone has lost nothing where its next sample comes within so many times the interval of its polls.
+/// A sensor whose port was gone has lost nothing where its next sample comes within so many times the interval of its
+/// polls.
 const IN_TIME: f64 = 1.5;
 
 /// Records what became of a poll.

@@ -115,7 +115,8 @@ impl<'a> Stream<'a> {
         stream
     }
 
-    /// A process has started: what it sends is heard from its first byte on, and has nothing to do with what another one sent before.
+    /// A process has started: what it sends is heard from its first byte on, and has nothing to do with what another
+    /// one sent before.
     pub(super) fn begin_anew(&mut self) {
         match &mut self.codec {
             Codec::Frames(decoder) => decoder.begin_anew(),
@@ -135,7 +136,8 @@ impl<'a> Stream<'a> {
         self.taps.iter().map(|tap| tap.sensor)
     }
 
-    /// True while what it sends is recorded: with the duration over, until the others are there, for clocks move when they are fitted anew.
+    /// True while what it sends is recorded: with the duration over, until the others are there, for clocks move when
+    /// they are fitted anew.
     pub(crate) fn is_recorded(&self) -> bool {
         matches!(self.state, State::Open | State::Reached)
     }
@@ -150,7 +152,8 @@ impl<'a> Stream<'a> {
         if self.state == State::Open { self.timing.silent_since(moment, silence) } else { None }
     }
 
-    /// Looks whether the columns are those that the rig file counts on; false where the device can no longer be recorded.
+    /// Looks whether the columns are those that the rig file counts on; false where the device can no longer be
+    /// recorded.
     pub(crate) fn check_columns(&mut self, columns: usize, live: &Live<'_>) -> Result<bool, RecordError> {
         if !self.is_recorded() {
             return Ok(false);

@@ -1,4 +1,5 @@
-//! Measurement times of a device: its clock through restarts and steps, against the arrivals, and against the other devices' clocks.
+//! Measurement times of a device: its clock through restarts and steps, against the arrivals, and against the other
+//! devices' clocks.
 
 use std::time::{Duration, Instant};
 
@@ -11,14 +12,16 @@ use crate::record::session::stream::stamp::Stamp;
 use crate::rig::{Device, Protocol};
 use crate::storage::SensorClock;
 
-/// A device whose arrivals come later than this after where its clock should be has restarted, where something speaks for it: s, and share
-/// of the time since.
+/// A device whose arrivals come later than this after where its clock should be has restarted, where something speaks
+/// for it: s, and share of the time since.
 const RESTART_S: (f64, f64) = (0.5, 1e-3);
-/// Where its sequence began anew, or where they come too early, which no delay explains: s, and times what 95% of the arrivals were off.
+/// Where its sequence began anew, or where they come too early, which no delay explains: s, and times what 95% of the
+/// arrivals were off.
 const ANEW_S: (f64, f64) = (0.1, 4.0);
 /// A line below fewer arrivals than this says nothing of when something was sent.
 const LINE_KNOWN: u64 = 50;
-/// A device that sends its first so much later than the recording begins owes what was before, s; one that is slower, by its rhythm.
+/// A device that sends its first so much later than the recording begins owes what was before, s; one that is slower,
+/// by its rhythm.
 const BEGINS_S: f64 = 1.0;
 
 /// What is on its way when a session ends is not missed, nor what is not due for twice the longest pause.
@@ -87,7 +90,8 @@ impl Timing {
         }
     }
 
-    /// The device's clock for samples from a stamp on: a new one at the beginning, set anew after a restart, moved where it was set.
+    /// The device's clock for samples from a stamp on: a new one at the beginning, set anew after a restart, moved
+    /// where it was set.
     pub(crate) fn begin(
         &mut self,
         stamp: &Stamp,
@@ -136,9 +140,10 @@ impl Timing {
         late_s.abs() > least_s + RESTART_S.1 * away_s.abs()
     }
 
-    /// By how much the device's clock was set before a frame that is off its place, ns. It cannot be behind a hole where it stands before
-    /// the end of those before it, or came earlier than it could have been sent. Where it stands before the end of frames that are missing, these
-    /// may have been shorter than others: it came late by as much, unless they were, where arrivals are known so well.
+    /// By how much the device's clock was set before a frame that is off its place, ns. It cannot be behind a hole
+    /// where it stands before the end of those before it, or came earlier than it could have been sent. Where it stands
+    /// before the end of frames that are missing, these may have been shorter than others: it came late by as much,
+    /// unless they were, where arrivals are known so well.
     fn step_ns(&self, stamp: &Stamp) -> Option<i64> {
         let (clock, earliest) = (self.clock?, stamp.jump?);
         let missing_ns = (i64::from(stamp.lost) * stamp.rows as i64).saturating_mul(stamp.period_ns);
@@ -159,7 +164,8 @@ impl Timing {
         is_step.then_some(ahead_ns)
     }
 
-    /// Something has been recorded up to `last_ns`, and has come up to `come_ns`; true where it tells more of how its times run.
+    /// Something has been recorded up to `last_ns`, and has come up to `come_ns`; true where it tells more of how its
+    /// times run.
     pub(crate) fn arrived(&mut self, stamp: &Stamp, last_ns: i64, come_ns: i64) -> bool {
         let Some(clock) = self.clock else { return false };
         self.come_ns = Some(come_ns);
@@ -190,13 +196,14 @@ impl Timing {
         self.moves = moves;
     }
 
-    /// True where its times move when clocks are fitted anew: all is written then that comes before the session ends, and what is kept is cut
-    /// in the finished file.
+    /// True where its times move when clocks are fitted anew: all is written then that comes before the session ends,
+    /// and what is kept is cut in the finished file.
     pub fn is_moved(&self) -> bool {
         self.shared || self.stretches.len() > 1
     }
 
-    /// The logged time up to which it is written, ns: to the end of the duration, unless its clock is moved, or not known to run as ours does.
+    /// The logged time up to which it is written, ns: to the end of the duration, unless its clock is moved, or not
+    /// known to run as ours does.
     pub(crate) fn limit_ns(&self, live: &Live<'_>) -> i64 {
         let is_behind = self.come_ns.is_some_and(|come_ns| come_ns >= live.end_ns);
         if self.is_moved() || (is_behind && self.runs() != Runs::Evenly) { i64::MAX } else { live.end_ns }
@@ -207,13 +214,14 @@ impl Timing {
         seconds(self.moves.logged_ns(time_ns))
     }
 
-    /// True for a logged time before the end of the recording; of a clock that does not run as ours does, for any until it ends.
+    /// True for a logged time before the end of the recording; of a clock that does not run as ours does, for any until
+    /// it ends.
     pub(crate) fn is_wanted(&self, logged_ns: i64, live: &Live<'_>) -> bool {
         self.moves.time_ns(logged_ns) < live.end_ns || matches!(self.runs(), Runs::Off { .. })
     }
 
-    /// True where it has recorded for the duration, at a time of ours on the recording's clock: by its own times, which say to the sample what was
-    /// measured until then, unless these do not run as ours do.
+    /// True where it has recorded for the duration, at a time of ours on the recording's clock: by its own times, which
+    /// say to the sample what was measured until then, unless these do not run as ours do.
     pub fn is_through(&self, end_ns: i64, now_ns: i64) -> bool {
         match self.runs() {
             Runs::Evenly => self.has_come_to(end_ns),
@@ -227,7 +235,8 @@ impl Timing {
         self.come_ns.is_some_and(|come_ns| self.moves.time_ns(come_ns) >= time_ns)
     }
 
-    /// Where it began later than the recording, by more than its rhythm: its first logged time, ns, and how much later that is, s.
+    /// Where it began later than the recording, by more than its rhythm: its first logged time, ns, and how much later
+    /// that is, s.
     pub fn begins_late(&self) -> Option<(i64, f64)> {
         let (first, pause) = (self.stretches.first()?, self.pause?);
         let late_s = seconds(self.moves.time_ns(first.from_ns));
@@ -244,7 +253,8 @@ impl Timing {
         ON_ITS_WAY.max(2 * pause).max(2 * self.span)
     }
 
-    /// Since when, as a logged time in ns, and for how long it has been silent at a moment, where more than its rhythm allows.
+    /// Since when, as a logged time in ns, and for how long it has been silent at a moment, where more than its rhythm
+    /// allows.
     pub fn silent_since(&self, moment: Instant, silence: Duration) -> Option<(i64, Duration)> {
         let since = moment.saturating_duration_since(self.last_message);
         // of one that spoke only once no rhythm is known

@@ -20,13 +20,14 @@ pub struct Taken {
     pub lost_before: u32,
     /// When its first byte arrived, ns on the clock of [`Decoder::feed`](crate::record::wire::frames::Decoder::feed).
     pub began_ns: i64,
-    /// Its sequence went back while its time went on too little for so many frames to be missing: none is counted as lost, and the device may
-    /// have restarted.
+    /// Its sequence went back while its time went on too little for so many frames to be missing: none is counted as
+    /// lost, and the device may have restarted.
     pub anew: bool,
-    /// Its stamp is off from the place that its sequence gives it, and those behind it agree: it is behind a hole, or its clock was set. Of
-    /// those that agree, the one that came earliest.
+    /// Its stamp is off from the place that its sequence gives it, and those behind it agree: it is behind a hole, or
+    /// its clock was set. Of those that agree, the one that came earliest.
     pub jump: Option<Sent>,
-    /// From which jump of its time on samples are missing before it though no frame is, ns: by how much the stamps of late were off.
+    /// From which jump of its time on samples are missing before it though no frame is, ns: by how much the stamps of
+    /// late were off.
     pub hole_from_ns: i64,
 }
 
@@ -55,8 +56,8 @@ impl Sent {
 pub struct FrameCounts {
     /// Frames taken.
     pub frames: u64,
-    /// Pieces between zeros that were no valid frame (COBS, version, length, CRC), and frames whose time and place in the sequence the ones
-    /// around them refute.
+    /// Pieces between zeros that were no valid frame (COBS, version, length, CRC), and frames whose time and place in
+    /// the sequence the ones around them refute.
     pub bad: u64,
     /// Frames missing by the jumps of the sequence; a bad frame is missing too.
     pub lost: u64,

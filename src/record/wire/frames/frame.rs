@@ -28,8 +28,8 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// A frame of `counts` interleaved by channel; `None` where the wire format cannot hold it (no channels, a ragged or
-    /// too long block, a period of 0, a time beyond what a recording can hold).
+    /// A frame of `counts` interleaved by channel; `None` where the wire format cannot hold it (no channels, a ragged
+    /// or too long block, a period of 0, a time beyond what a recording can hold).
     pub fn new(sequence: u16, first_us: u64, period_ns: u32, channels: u8, counts: Vec<i16>) -> Option<Frame> {
         let width = usize::from(channels);
         let whole = width > 0 && counts.len().is_multiple_of(width) && counts.len() / width <= usize::from(u16::MAX);
@@ -74,8 +74,8 @@ impl Frame {
         f64::from(self.period_ns) * self.samples() as f64 / 1e3
     }
 
-    /// How far its stamp may lie from where the samples before it end, without a hole and without a step of the clock, before more is known:
-    /// three periods, and never less than 2 ms, as clocks that tick are off. µs.
+    /// How far its stamp may lie from where the samples before it end, without a hole and without a step of the clock,
+    /// before more is known: three periods, and never less than 2 ms, as clocks that tick are off. µs.
     pub(super) fn most_jitter_us(&self) -> f64 {
         (3.0 * f64::from(self.period_ns) / 1e3).max(2_000.0)
     }

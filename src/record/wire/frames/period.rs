@@ -35,7 +35,8 @@ impl StatedPeriod {
         self.last = None;
     }
 
-    /// How much longer frames are by their stamps than they say, and the time over which that was seen, s; 0 where jitter may be all.
+    /// How much longer frames are by their stamps than they say, and the time over which that was seen, s; 0 where
+    /// jitter may be all.
     pub(crate) fn off_s(&self) -> (f64, f64) {
         let (stamped_us, stated_us) = self.sums_us;
         let off_us = stamped_us - stated_us;

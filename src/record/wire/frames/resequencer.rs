@@ -1,11 +1,12 @@
 //! Puts valid frames in order: finds repeated and missing ones, and stamps that are false.
 //!
-//! A frame whose sequence number and stamp follow those before it is handed on at once. Any other is held until the next ones decide: the
-//! next frame refutes a single false stamp; a hole, a clock that was set and a restart are believed once [`AGREEING`] frames agree.
+//! A frame whose sequence number and stamp follow those before it is handed on at once. Any other is held until the
+//! next ones decide: the next frame refutes a single false stamp; a hole, a clock that was set and a restart are
+//! believed once [`AGREEING`] frames agree.
 //!
-//! A sequence number, a restart rule and a line through the arrivals would do less. These cases need the stamps to be judged; the tests
-//! named are in `tests/resequencer.rs`, and `session/live_test/tests/clocks.rs` repeats the first four with samples that carry their own
-//! true time.
+//! A sequence number, a restart rule and a line through the arrivals would do less. These cases need the stamps to be
+//! judged; the tests named are in `tests/resequencer.rs`, and `session/live_test/tests/clocks.rs` repeats the first
+//! four with samples that carry their own true time.
 //!
 //! | case | why the simple rule fails | test |
 //! | --- | --- | --- |
@@ -41,7 +42,8 @@ pub(crate) struct Resequencer {
     floor_us: f64,
     /// Frames off their place, with their arrivals: in sequence among themselves.
     held: Vec<(Frame, i64)>,
-    /// The last frames: a device that restarts twice may say the same numbers and times again, but not the same samples.
+    /// The last frames: a device that restarts twice may say the same numbers and times again, but not the same
+    /// samples.
     recent: VecDeque<Name>,
     /// Frames missing since the last one handed on, and whether the sequence began anew since.
     lost_before: u32,
@@ -62,7 +64,8 @@ impl Resequencer {
         self.filter.as_ref()?.smoothed_scatter_us().map(|scatter_us| scatter_us / 1e6)
     }
 
-    /// As [`StatedPeriod::off_s`]; where the stamps are gone by, as a share and 1. Of stamps that scatter a small disagreement says nothing.
+    /// As [`StatedPeriod::off_s`]; where the stamps are gone by, as a share and 1. Of stamps that scatter a small
+    /// disagreement says nothing.
     pub(crate) fn period_off_s(&self) -> (f64, f64) {
         match (self.longer(), self.stamps_scatter_s()) {
             (Some(share), _) => (share, 1.0),
@@ -107,8 +110,9 @@ impl Resequencer {
         self.held.iter().filter(|(frame, _)| frame.samples() > 0).count()
     }
 
-    /// No more will come, and none says what those that are held are: behind others in a known filter they stand by their sequence, for nothing
-    /// but their own stamps speaks for a hole; else what can only be behind one is handed on.
+    /// No more will come, and none says what those that are held are: behind others in a known filter they stand by
+    /// their sequence, for nothing but their own stamps speaks for a hole; else what can only be behind one is handed
+    /// on.
     pub(crate) fn finish(&mut self, events: &mut Vec<Event>) {
         let Some((filter, (first, began_ns))) = self.filter.as_ref().zip(self.held.first()) else { return };
         if filter.is_known() && filter.goes_on_with(first) && !filter.paused_until(first, *began_ns) {
@@ -149,7 +153,8 @@ impl Resequencer {
         false
     }
 
-    /// True where a frame stands as if those that are held stood where the sequence puts them: only their stamps were false.
+    /// True where a frame stands as if those that are held stood where the sequence puts them: only their stamps were
+    /// false.
     fn stand_by_sequence(&self, next: &Frame) -> bool {
         let Some(mut filter) = self.filter.clone() else { return false };
         for (frame, began_ns) in &self.held {
@@ -190,7 +195,8 @@ impl Resequencer {
         }
     }
 
-    /// What is held is true: behind a hole, after a step of the clock, or of a device that has restarted; of that, none is lost.
+    /// What is held is true: behind a hole, after a step of the clock, or of a device that has restarted; of that, none
+    /// is lost.
     fn believe(&mut self, events: &mut Vec<Event>) {
         let held = std::mem::take(&mut self.held);
         let (Some(filter), Some((first, began_ns))) = (&self.filter, held.first()) else { return };
@@ -236,7 +242,8 @@ impl Resequencer {
         self.hand_on(frame, first_us, began_ns, events);
     }
 
-    /// A frame without samples: it has a number, but no sample that its time would be of. Among those that are held it keeps its number.
+    /// A frame without samples: it has a number, but no sample that its time would be of. Among those that are held it
+    /// keeps its number.
     fn sign_of_life(&mut self, frame: Frame, began_ns: i64) {
         self.counts.frames += 1;
         if let Some((last, _)) = self.held.last() {

@@ -1,8 +1,9 @@
 //! Predicts the stamp of a device's next frame from those before it, and how far off stamps usually are.
 //!
-//! Stamps that are nearer to their place than half a sample hold as they are. Where they scatter by more, as those that a device's
-//! program takes or a clock that ticks, the samples of an unbroken sequence are known better from each other than from their stamps: then a
-//! delay-locked loop follows them (Adriaensen 2005, "Using a DLL to filter time", Linux Audio Conference).
+//! Stamps that are nearer to their place than half a sample hold as they are. Where they scatter by more, as those that
+//! a device's program takes or a clock that ticks, the samples of an unbroken sequence are known better from each other
+//! than from their stamps: then a delay-locked loop follows them (Adriaensen 2005, "Using a DLL to filter time", Linux
+//! Audio Conference).
 
 use std::collections::VecDeque;
 
@@ -12,7 +13,8 @@ use crate::robust::{median, quantile, sd_about};
 /// Stamps seen before their scatter is judged, and stamps remembered.
 const LEARNT: usize = 8;
 const REMEMBERED: usize = 32;
-/// A stamp further off than this many times what nine in ten of the others stay within is no scatter; one off by half a sample is.
+/// A stamp further off than this many times what nine in ten of the others stay within is no scatter; one off by half a
+/// sample is.
 const FAR: f64 = 3.0;
 const NINE_IN_TEN: f64 = 0.9;
 /// Before anything is known of them, by this many frames.
@@ -112,14 +114,15 @@ impl TimestampFilter {
         self.off_us.len() >= LEARNT
     }
 
-    /// From which jump of its time on samples are missing before a frame that fits and has its number in the sequence; infinite where their times
-    /// say nothing.
+    /// From which jump of its time on samples are missing before a frame that fits and has its number in the sequence;
+    /// infinite where their times say nothing.
     pub(crate) fn hole_from_us(&self) -> f64 {
         let known = self.is_known() && !self.smooth;
         if known { (FAR * self.within_us).max(self.period_us / 2.0) } else { f64::INFINITY }
     }
 
-    /// How much longer its frames are by the stamps than they say, as a share, where that is too much for them to stand so.
+    /// How much longer its frames are by the stamps than they say, as a share, where that is too much for them to stand
+    /// so.
     pub(crate) fn longer(&self) -> Option<f64> {
         let share = self.longer_us / self.length_us;
         (self.is_known() && share.abs() > WRONG_PERIOD).then_some(share)
@@ -140,8 +143,8 @@ impl TimestampFilter {
         frame.first_us as f64 >= self.due_us - self.jitter_us()
     }
 
-    /// True where the arrivals paused as never before, and for as long as a frame is late by its stamp: a device that had nothing to send.
-    /// A line that only stalled does not pause for as long as a false stamp happens to say.
+    /// True where the arrivals paused as never before, and for as long as a frame is late by its stamp: a device that
+    /// had nothing to send. A line that only stalled does not pause for as long as a false stamp happens to say.
     pub(crate) fn paused_until(&self, frame: &Frame, began_ns: i64) -> bool {
         let elapsed_ns = began_ns.saturating_sub(self.began_ns) as f64;
         let step_us = frame.first_us as f64 - self.due_us + self.length_us;
@@ -151,8 +154,8 @@ impl TimestampFilter {
         elapsed_ns > 2.0 * self.pause_ns + 1e3 * jitter_us && as_long
     }
 
-    /// Frames missing before one, by the sequence; where it wrapped unseen in a long hole, the device's time tells how often, unless the
-    /// sequence goes on but for a few and the arrivals know of no such hole: then its clock was set.
+    /// Frames missing before one, by the sequence; where it wrapped unseen in a long hole, the device's time tells how
+    /// often, unless the sequence goes on but for a few and the arrivals know of no such hole: then its clock was set.
     pub(crate) fn missing(&self, frame: &Frame, began_ns: i64) -> u32 {
         let by_sequence = u64::from(self.steps_to(frame).saturating_sub(1));
         let mut hole_us = self.hole_us(frame);
@@ -248,8 +251,9 @@ impl TimestampFilter {
         }
     }
 
-    /// What the first stamps were all off by is the length of the frames: by their mean where they scatter, for in their sum all but the first
-    /// and the last cancel; by their median where one of them may be a hole. One far from the others is none of them.
+    /// What the first stamps were all off by is the length of the frames: by their mean where they scatter, for in
+    /// their sum all but the first and the last cancel; by their median where one of them may be a hole. One far from
+    /// the others is none of them.
     fn first_lesson(&mut self) {
         let off_us = self.off_us.make_contiguous();
         let middle = median(&mut off_us.to_vec());

@@ -1,5 +1,5 @@
-//! HDF5 files, those of MATLAB's `save -v7.3` among them: numeric datasets of one or two dimensions in any group, the fields of tables that
-//! are one dataset, and attributes. An attribute is a name behind that of what it belongs to.
+//! HDF5 files, those of MATLAB's `save -v7.3` among them: numeric datasets of one or two dimensions in any group, the
+//! fields of tables that are one dataset, and attributes. An attribute is a name behind that of what it belongs to.
 
 use hdf5_reader::group::Group;
 use hdf5_reader::{Attribute, Dataset, Datatype, Hdf5File, OpenOptions};

@@ -1,7 +1,8 @@
 //! MAT files of version 5, which MATLAB's `save` writes up to `-v7`, and so do Octave, SciPy and simulation programs.
 //!
-//! MathWorks, *MAT-File Format* (2019): after a header of 128 bytes come elements, each with a type and a length; a matrix is an element of
-//! elements, and may be compressed. Real numeric arrays are read, also in structures and cells, and single texts; what else there is, is named.
+//! MathWorks, *MAT-File Format* (2019): after a header of 128 bytes come elements, each with a type and a length; a
+//! matrix is an element of elements, and may be compressed. Real numeric arrays are read, also in structures and cells,
+//! and single texts; what else there is, is named.
 
 use std::io::Read as _;
 
@@ -58,7 +59,8 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Contents, String> {
     Ok(found)
 }
 
-/// Type and body of the next element, which is filled up to eight bytes unless it is compressed; short ones stand within their tag.
+/// Type and body of the next element, which is filled up to eight bytes unless it is compressed; short ones stand
+/// within their tag.
 fn element<'b>(file: &mut Bytes<'b>) -> Result<(u32, &'b [u8]), String> {
     let tag = file.u32()?;
     if tag >> 16 != 0 {

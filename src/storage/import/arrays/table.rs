@@ -18,8 +18,9 @@ struct Table<'c> {
     arrays: Vec<&'c Array>,
 }
 
-/// A table for each array of times with the arrays that belong to it, for each matrix whose first column rises, and for each stated step.
-/// Where there is none, the arrays of that length which most have are one, and its times are found as in any other table.
+/// A table for each array of times with the arrays that belong to it, for each matrix whose first column rises, and for
+/// each stated step. Where there is none, the arrays of that length which most have are one, and its times are found as
+/// in any other table.
 ///
 /// # Errors
 /// No array is a series.

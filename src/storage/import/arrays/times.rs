@@ -1,4 +1,5 @@
-//! Which array holds the times of which, what steps and units a file states beside its arrays: by their names and places.
+//! Which array holds the times of which, what steps and units a file states beside its arrays: by their names and
+//! places.
 
 use crate::storage::import::arrays::contents::{Array, Contents};
 use crate::storage::import::csv::heading::{heading_unit, time_unit};
@@ -58,8 +59,8 @@ pub(crate) fn unit_in_name(name: &str) -> Option<&str> {
     (word != name && time_unit(word).is_some()).then_some(word)
 }
 
-/// What is left of the name of a time without the word for it, in lower case: `p1` of `time_P1`, `1` of `t1`, nothing of `Time (s)`;
-/// none where it has no such word.
+/// What is left of the name of a time without the word for it, in lower case: `p1` of `time_P1`, `1` of `t1`, nothing
+/// of `Time (s)`; none where it has no such word.
 pub(crate) fn rest_of_name(name: &str) -> Option<String> {
     let bare = name.split(['(', '[']).next().unwrap_or(name);
     // `tP1` and `t1` are two words each
@@ -93,8 +94,8 @@ pub(crate) enum Belongs {
     Perhaps,
 }
 
-/// Which of the `times` are those of the array at a place, all places among `series`; none where there are none of its length, or
-/// nothing tells which.
+/// Which of the `times` are those of the array at a place, all places among `series`; none where there are none of its
+/// length, or nothing tells which.
 pub(crate) fn time_of(at: usize, times: &[usize], series: &[&Array]) -> Option<(usize, Belongs)> {
     let array = series[at];
     let fitting = || times.iter().copied().filter(|&i| series[i].samples() == array.samples());
@@ -122,7 +123,8 @@ pub(crate) fn time_of(at: usize, times: &[usize], series: &[&Array]) -> Option<(
     };
     let is_number = |text: &str| !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit());
     let numbered = near.iter().all(|&i| is_number(&rest(i)));
-    // One of them has the array's name, or its number where all are numbered, or is the only one that no other array claims.
+    // One of them has the array's name, or its number where all are numbered, or is the only one that no other array
+    // claims.
     let claimed = |i: usize| series.iter().any(|other| plain(short(&other.name)) == rest(i));
     let by_name = only(&|i| rest(i) == name)
         .or_else(|| only(&|i| numbered && is_number(digits) && rest(i) == digits))

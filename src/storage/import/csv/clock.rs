@@ -20,7 +20,8 @@ const SPREADSHEET_DAYS: std::ops::Range<f64> = 36_526.0..73_051.0;
 const DAYS_BEFORE_1970: f64 = 25_569.0;
 const DAY_NS: i64 = 86_400_000_000_000;
 const HOUR_NS: i64 = 3_600_000_000_000;
-/// A clock that is set back by an hour in autumn is back by so much of it at least: the next sample comes a moment later.
+/// A clock that is set back by an hour in autumn is back by so much of it at least: the next sample comes a moment
+/// later.
 const MOST_OF_AN_HOUR_NS: i64 = HOUR_NS - 60_000_000_000;
 
 /// Reads the times of rows.
@@ -60,7 +61,8 @@ pub(crate) struct Clock {
 }
 
 impl Clock {
-    /// The clock of some columns of a table; `shown` are the cells of a column, which may tell how date-times are written.
+    /// The clock of some columns of a table; `shown` are the cells of a column, which may tell how date-times are
+    /// written.
     ///
     /// # Errors
     /// A date that may be two, and nothing shows which.
@@ -180,7 +182,8 @@ impl Clock {
         if value.is_nan() && !is_missing(value) { Err(CsvProblem::NoTime) } else { Ok(value) }
     }
 
-    /// Begins a block of rows whose own times may begin anew; `late_s` is how much later it began than the first, where the file says so.
+    /// Begins a block of rows whose own times may begin anew; `late_s` is how much later it began than the first, where
+    /// the file says so.
     pub(crate) fn begin_segment(&mut self, late_s: Option<f64>) {
         (self.segment, self.segment_late_s) = (true, late_s);
     }
@@ -276,8 +279,8 @@ impl Clock {
         i64::try_from(since).map_err(|_| CsvProblem::TimeOutOfRange(self.cell(row).into()))
     }
 
-    /// The time of a counted sample. Where there are date-times beside it, too coarse for its rate, a pause in them is one in the samples, and a rate
-    /// that contradicts them is refused.
+    /// The time of a counted sample. Where there are date-times beside it, too coarse for its rate, a pause in them is
+    /// one in the samples, and a rate that contradicts them is refused.
     fn counted(
         &mut self,
         row: &Row<'_>,

@@ -7,8 +7,8 @@ use crate::storage::error::CsvProblem;
 use crate::storage::import::csv::heading::hint_on_time;
 use crate::storage::nearest::{listed, nearest};
 
-/// The sensor of each column after the first, as an index in the rig. The first must be `time_s`; every other column must be a sensor,
-/// and every sensor must have a column or be among those `without` one.
+/// The sensor of each column after the first, as an index in the rig. The first must be `time_s`; every other column
+/// must be a sensor, and every sensor must have a column or be among those `without` one.
 pub(crate) fn sensors_of(header: &[String], rig: &Rig, without: &[String]) -> Result<Vec<usize>, CsvProblem> {
     let first = header.first().map(String::as_str).unwrap_or_default();
     if first != "time_s" {

@@ -41,7 +41,8 @@ const BREAKS: [&str; 12] = [
 /// Remarks that are shown.
 const SHOWN: usize = 3;
 
-/// What the remarks among the samples say, if there are any; where one says that something changed, nobody here can follow it.
+/// What the remarks among the samples say, if there are any; where one says that something changed, nobody here can
+/// follow it.
 pub(crate) fn among_samples(lines: &[Line<'_>]) -> Option<Repair> {
     let last = lines.iter().rposition(|line| is_row(line.text))?;
     let among: Vec<&Line<'_>> = lines[..last].iter().filter(|line| line.text.starts_with('#')).collect();
@@ -71,8 +72,8 @@ fn comments<'t>(lines: impl Iterator<Item = &'t str>) -> impl Iterator<Item = &'
     lines.filter_map(|line| line.strip_prefix('#')).map(str::trim)
 }
 
-/// The start of the recording, and a remark on it, that a comment such as `start: 2026-03-14T09:26:53.5Z` or `Start time = 14.03.2026 09:26:53`
-/// gives.
+/// The start of the recording, and a remark on it, that a comment such as `start: 2026-03-14T09:26:53.5Z` or
+/// `Start time = 14.03.2026 09:26:53` gives.
 pub(crate) fn start_in_comments(text: &str, options: &SourceOptions) -> Option<(Start, Repair)> {
     let mut settings = Settings::default();
     comments(text.lines()).take(KEPT_LINES).for_each(|line| settings.take(&[Cow::Borrowed(line)]));

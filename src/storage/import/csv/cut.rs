@@ -3,8 +3,8 @@
 /// So many lines must show how a column is written.
 const ENOUGH: usize = 3;
 
-/// True where the last line has no end and its last cell is written shorter than all above it: with fewer decimals, or, where none has
-/// any, with fewer characters. A logger that was switched off leaves `…,5` of `…,501.000`.
+/// True where the last line has no end and its last cell is written shorter than all above it: with fewer decimals, or,
+/// where none has any, with fewer characters. A logger that was switched off leaves `…,5` of `…,501.000`.
 pub(crate) fn is_cut_off(text: &str, separator: char) -> bool {
     if text.ends_with('\n') {
         return false;

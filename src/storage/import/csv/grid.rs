@@ -36,7 +36,8 @@ pub fn even_holes(time_s: &[f64]) -> Vec<Hole> {
 /// A step of so many usual ones is a gap where the times stand on no even grid.
 const LONG_STEPS: f64 = 20.0;
 
-/// Gaps among increasing times that stand on no even grid, as where only what changes is written: nobody knows how many samples they lack.
+/// Gaps among increasing times that stand on no even grid, as where only what changes is written: nobody knows how many
+/// samples they lack.
 pub(crate) fn uneven_gaps(time_s: &[f64]) -> Vec<Gap> {
     let steps = || time_s.windows(2).map(|w| w[1] - w[0]);
     if even_step(time_s).is_some() || time_s.len() < ENOUGH {

@@ -69,9 +69,10 @@ pub(crate) fn is_known_unit(text: &str) -> bool {
     is_electric(text) || time_unit(text).is_some() || is_unit("", text)
 }
 
-/// Name and unit of a heading: `P1 (bar)`, `P1 [kPa]`, `P1 / kPa`, `P1/psi`, `Pres, kPa (logger 7)`; where the unit is none that is known, brackets and
-/// ` / ` show it all the same. A unit behind an underscore, a blank or a point must be known: `P1_psi`, `P1 PSI`, `P1.psi`, MATLAB's `P1_psi_`.
-/// A factor in a heading, `P1 x10 (bar)`, belongs to the unit and makes an unknown one of it: which way it is meant, nobody can tell.
+/// Name and unit of a heading: `P1 (bar)`, `P1 [kPa]`, `P1 / kPa`, `P1/psi`, `Pres, kPa (logger 7)`; where the unit is
+/// none that is known, brackets and ` / ` show it all the same. A unit behind an underscore, a blank or a point must be
+/// known: `P1_psi`, `P1 PSI`, `P1.psi`, MATLAB's `P1_psi_`. A factor in a heading, `P1 x10 (bar)`, belongs to the unit
+/// and makes an unknown one of it: which way it is meant, nobody can tell.
 pub(crate) fn header_unit(heading: &str) -> Option<(String, String)> {
     let heading = heading.split_whitespace().collect::<Vec<_>>().join(" ");
     match take_factor(&heading) {
@@ -151,7 +152,8 @@ fn known_behind(heading: &str) -> Option<(String, String)> {
     last.or_else(|| listed("/"))
 }
 
-/// Name and unit of which a number before the unit is a part: `Valve 0.01 bar`, `Valve 10^5 Pa`, but not `Channel 7 bar`.
+/// Name and unit of which a number before the unit is a part: `Valve 0.01 bar`, `Valve 10^5 Pa`, but not
+/// `Channel 7 bar`.
 fn with_number(name: &str, unit: &str) -> (String, String) {
     let at = name.rfind(['_', ' ', '-', '(']).map_or(0, |at| at + 1);
     let (before, word) = (name[..at].trim_end_matches(['_', ' ', '-', '(']), &name[at..]);
@@ -166,7 +168,8 @@ fn with_number(name: &str, unit: &str) -> (String, String) {
 /// Signs of a factor; `x` is one only where a word begins or ends with it.
 const OPERATORS: [char; 6] = ['*', '/', '×', '·', '÷', '⋅'];
 
-/// A heading without the factor in it, and the factor: `P/100`, `t*2000`, `P1 x10 (bar)`, `Valve [x10] (bar)`, `0.1*P1`, `P1 x 10`, `Valve 1e-3 (bar)`.
+/// A heading without the factor in it, and the factor: `P/100`, `t*2000`, `P1 x10 (bar)`, `Valve [x10] (bar)`,
+/// `0.1*P1`, `P1 x 10`, `Valve 1e-3 (bar)`.
 fn take_factor(heading: &str) -> Option<(String, String)> {
     let is_edge = |c: char| c == ' ' || "()[]{}_,;".contains(c);
     let mut words: Vec<(usize, &str)> = Vec::new();
@@ -193,7 +196,8 @@ fn take_factor(heading: &str) -> Option<(String, String)> {
     worded(&rest).then(|| (rest, heading[from..to].to_owned()))
 }
 
-/// Where the factor stands in a word: all of `x10`, `10x`, `10^5` and `1e-3`, the end of `P/100`, the beginning of `0.1*P1`. One by one changes nothing.
+/// Where the factor stands in a word: all of `x10`, `10x`, `10^5` and `1e-3`, the end of `P/100`, the beginning of
+/// `0.1*P1`. One by one changes nothing.
 fn factor_in(word: &str) -> Option<(usize, usize)> {
     let scales = |number: &str| is_number(number) && number.parse() != Ok(1.0);
     let signs = |c: char| c == 'x' || OPERATORS.contains(&c);
@@ -235,7 +239,8 @@ pub(crate) fn is_factored(unit: &str) -> bool {
     !is_known_unit(unit) && unit.split(' ').any(|word| is_number(word) || factor_in(word).is_some())
 }
 
-/// Whether a last word is a unit: as it is written in a rig file, in whatever case where it has three letters, and that of a time behind a time.
+/// Whether a last word is a unit: as it is written in a rig file, in whatever case where it has three letters, and that
+/// of a time behind a time.
 fn is_word_unit(name: &str, unit: &str) -> bool {
     let exact = unit.parse::<Unit>().is_ok_and(|u| u.quantity != Quantity::Ratio);
     let spelled = unit.len() >= 3 && !unit.starts_with(|c: char| c.is_ascii_digit()) && is_unit("", unit);
@@ -284,7 +289,8 @@ pub(crate) fn unit_of_name(name: &str) -> Option<f64> {
     }
 }
 
-/// Seconds of the unit in a heading of a time column: `time_s`, `Time (ms)`, `T1 (s)`, `t/us`, `millis`; `None` where it names none or is none.
+/// Seconds of the unit in a heading of a time column: `time_s`, `Time (ms)`, `T1 (s)`, `t/us`, `millis`; `None` where
+/// it names none or is none.
 pub(crate) fn heading_unit(heading: &str) -> Option<f64> {
     header_unit(heading).map_or_else(|| unit_of_name(heading), |(_, unit)| time_unit(&unit))
 }

@@ -1,4 +1,5 @@
-//! Tables in long form: a column names the channel of each row, and the rows of all channels stand in one column of values.
+//! Tables in long form: a column names the channel of each row, and the rows of all channels stand in one column of
+//! values.
 
 use std::collections::BTreeMap;
 
@@ -85,7 +86,8 @@ impl<'l> Names<'l> {
 /// What repeats a whole test is no channel of it.
 const RUNS: [&str; 7] = ["run", "test", "trial", "shot", "repeat", "versuch", "lauf"];
 
-/// Whether the rows of one channel stand after those of the other, and the times begin anew with each. Of several columns of values they are runs.
+/// Whether the rows of one channel stand after those of the other, and the times begin anew with each. Of several
+/// columns of values they are runs.
 fn begins_anew(layout: &Layout<'_>, lines: &[Line<'_>], column: usize, names: &Names<'_>) -> bool {
     let Names { cells: names, counts } = names;
     let heading = layout.columns[column].name.to_lowercase();
@@ -126,8 +128,8 @@ fn begins_anew(layout: &Layout<'_>, lines: &[Line<'_>], column: usize, names: &N
     })
 }
 
-/// Whether a column names channels: a few words or whole numbers, and wherever a time repeats that of the row above, another one; or another one in
-/// most rows, each channel with times of its own.
+/// Whether a column names channels: a few words or whole numbers, and wherever a time repeats that of the row above,
+/// another one; or another one in most rows, each channel with times of its own.
 fn is_key(layout: &Layout<'_>, column: usize, names: &Names<'_>) -> bool {
     let Names { cells: names, counts } = names;
     let is_worded = counts.keys().any(|name| Cell::of(name).is_word());

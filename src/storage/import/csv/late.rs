@@ -1,4 +1,5 @@
-//! What the columns of a table hold in the second half of a file, which is rows: by it the reader tells settings, headings and rows apart.
+//! What the columns of a table hold in the second half of a file, which is rows: by it the reader tells settings,
+//! headings and rows apart.
 
 use std::borrow::Cow;
 
@@ -29,7 +30,8 @@ impl Late {
                 }
             }
         }
-        // In a file of a few rows the settings may reach its second half: names, but not in every row, and an empty column behind their values.
+        // In a file of a few rows the settings may reach its second half: names, but not in every row, and an empty
+        // column behind their values.
         let gap = counts.iter().position(|c| *c == (0, 0)).unwrap_or(0);
         if gap > 0 && counts[0].1 == 0 && counts[0].0 < all {
             counts[..gap].fill((0, 0));
@@ -66,8 +68,8 @@ impl Late {
         self.counts.get(column).is_none_or(|c| *c == (0, 0))
     }
 
-    /// Whether a line is a row: numbers, and words only where words stand. What is empty later on does not count: oscilloscopes write their settings
-    /// beside the first rows.
+    /// Whether a line is a row: numbers, and words only where words stand. What is empty later on does not count:
+    /// oscilloscopes write their settings beside the first rows.
     pub(crate) fn is_data(&self, row: &[Cow<'_, str>]) -> bool {
         let cells = row.iter().enumerate().filter(|(i, _)| !self.is_empty(*i)).map(|(i, c)| (i, Cell::of(c)));
         let (places, cells): (Vec<usize>, Vec<Cell>) = cells.unzip();
@@ -75,7 +77,8 @@ impl Late {
         is_numbers(&cells) && places.iter().zip(&cells).all(at_home)
     }
 
-    /// Takes the settings of an oscilloscope out of a row: what stands in columns that are empty later on, beside the rows.
+    /// Takes the settings of an oscilloscope out of a row: what stands in columns that are empty later on, beside the
+    /// rows.
     pub(crate) fn take_beside<'c>(&self, row: &mut [Cow<'c, str>]) -> Vec<Cow<'c, str>> {
         let beside = row.iter().enumerate().take_while(|(i, _)| self.is_empty(*i)).count();
         row[..beside].iter_mut().map(std::mem::take).collect()
@@ -90,7 +93,8 @@ impl Late {
             Cell::Number(_) => self.is_empty(i) || cell.bytes().all(|b| b.is_ascii_digit()),
             Cell::Stamp(_) => false,
         };
-        // R names one column less than there are where the first numbers the rows; the names of channels may stand in lines of their own
+        // R names one column less than there are where the first numbers the rows; the names of channels may stand in
+        // lines of their own
         let begins = row.first().is_some_and(|c| is_time_name(c) || is_date_name(c));
         let fits = filled >= least
             || (least > 2 && filled + 1 == least && filled == row.len())

@@ -1,4 +1,5 @@
-//! Where a table stands among the lines of a file: its separator, its headings with the units that stand anywhere, its first row.
+//! Where a table stands among the lines of a file: its separator, its headings with the units that stand anywhere, its
+//! first row.
 
 use std::borrow::Cow;
 
@@ -42,7 +43,8 @@ pub(crate) struct Column {
 pub(crate) type Contradiction = (Option<usize>, [String; 3]);
 
 impl Column {
-    /// Takes a unit that stands somewhere, for a column that has none yet; one that differs from what stands elsewhere is a contradiction.
+    /// Takes a unit that stands somewhere, for a column that has none yet; one that differs from what stands elsewhere
+    /// is a contradiction.
     pub(crate) fn state(&mut self, unit: &str, line: Option<usize>, found: &mut Option<Contradiction>) {
         match &self.unit {
             None => self.unit = Some(unit.to_owned()),
@@ -58,8 +60,8 @@ impl Column {
         }
     }
 
-    /// Takes a factor that stands elsewhere into its unit, which is none that is known then, as with a factor in the heading. What is in volts awaits
-    /// a line anyway.
+    /// Takes a factor that stands elsewhere into its unit, which is none that is known then, as with a factor in the
+    /// heading. What is in volts awaits a line anyway.
     fn take_factor(&mut self, factor: &str) {
         if !self.unit.as_deref().is_some_and(is_electric) {
             let unit = self.unit.take().unwrap_or_default();
@@ -283,7 +285,8 @@ impl<'t> Layout<'t> {
         }
     }
 
-    /// Takes the units of `values`, and names of channels, from what stands around the table, for those that their headings leave without.
+    /// Takes the units of `values`, and names of channels, from what stands around the table, for those that their
+    /// headings leave without.
     pub(crate) fn take_settings(&mut self, values: &[usize]) {
         let width = self.columns.len();
         let (units, names) = (self.settings.units(width, values), self.settings.names(width, values));
@@ -398,8 +401,8 @@ fn first_row(rows: &[usize], is_data: impl Fn(usize) -> bool) -> Option<usize> {
     None
 }
 
-/// What a line holds where the file says so, in lower case: by a word of its own behind a `#` in quotes, or by one that stands alone above it, as
-/// `"#NAMES"` and `"#TYPES"`.
+/// What a line holds where the file says so, in lower case: by a word of its own behind a `#` in quotes, or by one that
+/// stands alone above it, as `"#NAMES"` and `"#TYPES"`.
 fn titled<'t>(rows: &[usize], at: usize, of: impl Fn(usize) -> Vec<Cow<'t, str>>) -> Option<String> {
     let is_row = |at: usize| rows.binary_search(&at).is_ok();
     let title = |at: usize| {
@@ -414,7 +417,8 @@ fn titled<'t>(rows: &[usize], at: usize, of: impl Fn(usize) -> Vec<Cow<'t, str>>
 /// So many lines of numbers on end are rows; half of a shorter table is enough.
 const RUN: usize = 20;
 
-/// The separator that leaves numbers alone, otherwise one that leaves few words beside them. A comma may be a decimal one, and is tried late.
+/// The separator that leaves numbers alone, otherwise one that leaves few words beside them. A comma may be a decimal
+/// one, and is tried late.
 fn separator_of(lines: &[Line<'_>], rows: &[usize]) -> Option<char> {
     let from = rows.len().saturating_sub(JUDGED + 1);
     let judged = |separator: char, words: bool| {
@@ -452,8 +456,8 @@ fn numbers_columns(names: &[Cow<'_, str>], below: &[Cow<'_, str>]) -> bool {
         && (skipped == 1 || (marked(below) && !marked(names)))
 }
 
-/// Lines about the sensors may stand between the names and the rows: where the lines next to the rows name no time, a line above that does so is that
-/// of the names, and of the lines between only those of units belong to it.
+/// Lines about the sensors may stand between the names and the rows: where the lines next to the rows name no time, a
+/// line above that does so is that of the names, and of the lines between only those of units belong to it.
 fn names_above(
     headings: &[usize],
     above: &[usize],
@@ -483,8 +487,8 @@ fn names_time(cell: &str) -> bool {
     is_time_name(&name) || is_date_name(&name)
 }
 
-/// The cells of a line of headings, which may stand in a comment, as numpy writes them. Where blanks separate the columns, two of them are needed
-/// where one stands within names, and a unit in brackets belongs to the name before it.
+/// The cells of a line of headings, which may stand in a comment, as numpy writes them. Where blanks separate the
+/// columns, two of them are needed where one stands within names, and a unit in brackets belongs to the name before it.
 fn heading_cells(line: &str, separator: char) -> Vec<Cow<'_, str>> {
     let line = line.trim_start_matches(['#', '%']).trim_start_matches(|c| c == ' ' && separator != ' ');
     if separator != ' ' {
@@ -505,7 +509,8 @@ fn heading_cells(line: &str, separator: char) -> Vec<Cow<'_, str>> {
     joined
 }
 
-/// As many cells as there are columns up to the last that holds anything: R names one less where the first numbers the rows.
+/// As many cells as there are columns up to the last that holds anything: R names one less where the first numbers the
+/// rows.
 fn aligned(mut row: Vec<Cow<'_, str>>, least: usize) -> Vec<Cow<'_, str>> {
     if row.len() + 1 == least && row.first().is_some_and(|c| !c.is_empty()) {
         row.insert(0, Cow::Borrowed(""));
@@ -513,8 +518,8 @@ fn aligned(mut row: Vec<Cow<'_, str>>, least: usize) -> Vec<Cow<'_, str>> {
     row
 }
 
-/// The line of names among those of headings; leaves the lines that belong to it. Under the names may stand units, and lines on how each value was
-/// taken.
+/// The line of names among those of headings; leaves the lines that belong to it. Under the names may stand units, and
+/// lines on how each value was taken.
 fn names_line<'t>(
     headings: &mut Vec<usize>,
     cells_at: impl Fn(usize) -> Vec<Cow<'t, str>>,

@@ -65,8 +65,8 @@ impl Looks {
     }
 }
 
-/// A unit in a column of its own is that of the values beside it: of those on its left, or, where one of these columns has no values there, as in
-/// `Time;Unit;Valve;Unit;Middle`, of those on the right.
+/// A unit in a column of its own is that of the values beside it: of those on its left, or, where one of these columns
+/// has no values there, as in `Time;Unit;Valve;Unit;Middle`, of those on the right.
 pub(crate) fn take_unit_columns(layout: &mut Layout<'_>, looks: &[Looks]) {
     let is_unit = |i: usize| matches!(looks[i], Looks::Unit(_) | Looks::Units(..));
     let units: Vec<usize> = (0..looks.len()).filter(|&i| is_unit(i)).collect();
@@ -127,8 +127,8 @@ pub(crate) fn ends_of_one(columns: &[Column], values: &[usize]) -> Option<[usize
     })
 }
 
-/// Of columns of the least, the mean and the largest value of one channel in each interval, those that are not the mean; and those of a channel that was
-/// filtered, where it stands beside as it was.
+/// Of columns of the least, the mean and the largest value of one channel in each interval, those that are not the
+/// mean; and those of a channel that was filtered, where it stands beside as it was.
 pub(crate) fn extremes(columns: &[Column], values: &[usize]) -> Vec<usize> {
     let is = |i: usize, words: &[&str]| channel_of(&columns[i], words);
     let plain = |i: usize| is(i, &MEANS).unwrap_or_else(|| columns[i].name.to_lowercase());

@@ -1,9 +1,10 @@
 //! Tables in text.
 //!
-//! A plain time series (`time_s,P1,…`, decimal points, increasing times) is read as it stands, by `plain`. [`read`] takes tables however they are
-//! written: it finds where the table stands and what stands around it (`layout`, `settings`), what each column is (`roles`), and then reads the
-//! rows (`reading`). It repairs what can be repaired safely, and reports each repair; what the file does not say is a guess, which somebody must agree to; the
-//! rest it refuses with its line.
+//! A plain time series (`time_s,P1,…`, decimal points, increasing times) is read as it stands, by `plain`. [`read`]
+//! takes tables however they are written: it finds where the table stands and what stands around it (`layout`,
+//! `settings`), what each column is (`roles`), and then reads the rows (`reading`). It repairs what can be repaired
+//! safely, and reports each repair; what the file does not say is a guess, which somebody must agree to; the rest it
+//! refuses with its line.
 
 pub(crate) mod cell;
 pub(crate) mod clock;

@@ -168,7 +168,8 @@ struct Plain {
     grouped: bool,
 }
 
-/// The minus sign U+2212 becomes a hyphen; apostrophes and blanks between groups of three digits vanish. None where they stand elsewhere.
+/// The minus sign U+2212 becomes a hyphen; apostrophes and blanks between groups of three digits vanish. None where
+/// they stand elsewhere.
 fn without_grouping(cell: &str) -> Option<Plain> {
     let signed = cell.replace('\u{2212}', "-");
     let is_gap = |c: char| matches!(c, '\'' | '\u{2019}' | ' ' | '\u{a0}' | '\u{2009}' | '\u{202f}');
@@ -182,9 +183,9 @@ fn without_grouping(cell: &str) -> Option<Plain> {
     Some(Plain { text: text.replace('_', ""), grouped })
 }
 
-/// The mark between the thousands of a column that looks like a decimal one: behind it stand three digits wherever it stands, and the numbers that
-/// lack it are mostly larger than all with it, as 998 is larger than 1.002; or the numbers rise, one with another, if
-/// it stands between thousands, and not if it is a decimal one.
+/// The mark between the thousands of a column that looks like a decimal one: behind it stand three digits wherever it
+/// stands, and the numbers that lack it are mostly larger than all with it, as 998 is larger than 1.002; or the numbers
+/// rise, one with another, if it stands between thousands, and not if it is a decimal one.
 pub(crate) fn thousands<'c>(cells: impl Iterator<Item = &'c str>) -> Option<char> {
     let (mut marked, mut plain, mut mark, mut whole) = (Vec::new(), Vec::new(), None, Vec::new());
     for cell in cells {
@@ -248,7 +249,8 @@ pub(crate) enum Written {
 }
 
 impl Written {
-    /// Takes one more cell. The number of decimals holds as long as writing each value with it gives the cell's text again.
+    /// Takes one more cell. The number of decimals holds as long as writing each value with it gives the cell's text
+    /// again.
     pub(crate) fn watch(&mut self, cell: &str, value: f64, scratch: &mut String) {
         if cell.is_empty() || *self == Written::Mixed {
             return;

@@ -122,7 +122,8 @@ fn sort(table: &mut Table) {
     table.line = order.iter().map(|&i| table.line[i]).collect();
 }
 
-/// The rate that times to the second, or the like, show by how many of them stand between the first change and the last; in words.
+/// The rate that times to the second, or the like, show by how many of them stand between the first change and the
+/// last; in words.
 fn likely_rate(time_s: &[f64]) -> String {
     let changes: Vec<usize> = (1..time_s.len()).filter(|&i| time_s[i] != time_s[i - 1]).collect();
     let (Some(&first), Some(&last)) = (changes.first(), changes.last()) else { return String::new() };

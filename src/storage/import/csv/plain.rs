@@ -1,4 +1,5 @@
-//! A plain time series: `time_s,P1,…`, decimal points, increasing times. Nothing is repaired: what would need it is refused, with its line.
+//! A plain time series: `time_s,P1,…`, decimal points, increasing times. Nothing is repaired: what would need it is
+//! refused, with its line.
 
 use crate::recording::{CsvFormat, Series};
 use crate::rig::{Rig, SensorKind};

@@ -1,4 +1,5 @@
-//! The steps in which a table is read, once it is known where it stands: what its columns are, their clocks, the rows, and the tracks that they make.
+//! The steps in which a table is read, once it is known where it stands: what its columns are, their clocks, the rows,
+//! and the tracks that they make.
 
 use crate::storage::error::{CsvFault, CsvProblem};
 use crate::storage::import::csv::clock::Clock;

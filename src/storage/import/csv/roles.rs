@@ -1,4 +1,5 @@
-//! What each column of a table is: a time, a part of one, a counter, words, units, or values on the clock of one of the times.
+//! What each column of a table is: a time, a part of one, a counter, words, units, or values on the clock of one of the
+//! times.
 
 use crate::number::significant;
 use crate::storage::error::CsvProblem;
@@ -21,7 +22,8 @@ const LONGEST_STEP_S: f64 = 60.0;
 const OTHER_UNIT: f64 = 5.0;
 /// A clock that runs for fewer of its digits says nothing of its unit.
 const LEAST_DIGITS: f64 = 2.0;
-/// Counters of one, two, three and four bytes, and of a few decimal digits, begin anew at these, and come near to them before.
+/// Counters of one, two, three and four bytes, and of a few decimal digits, begin anew at these, and come near to them
+/// before.
 const COUNTERS_WRAP: [f64; 8] = [100.0, 256.0, 1e3, 1e4, 65_536.0, 1e6, 16_777_216.0, 4_294_967_296.0];
 const LAST_BEFORE: f64 = 0.9;
 /// Times since 1970 lie between 2001 and 2100, s.
@@ -113,7 +115,8 @@ impl Finder<'_, '_> {
         self.column(i).unit.as_deref().is_some_and(is_factored)
     }
 
-    /// Whether unit or name say that it is a quantity of a test. What a letter alone says, an evenly rising column is not.
+    /// Whether unit or name say that it is a quantity of a test. What a letter alone says, an evenly rising column is
+    /// not.
     fn is_quantity(&self, i: usize) -> bool {
         let name = &self.column(i).name;
         let lettered =
@@ -127,13 +130,14 @@ impl Finder<'_, '_> {
         unit.as_deref().is_some_and(|unit| is_unit(name, unit) || is_electric(unit))
     }
 
-    /// The time from sample to sample that stands around the table, s, and what says so; that of the device is not that of the lines where it did not
-    /// write each of its samples.
+    /// The time from sample to sample that stands around the table, s, and what says so; that of the device is not that
+    /// of the lines where it did not write each of its samples.
     fn interval_s(&self) -> Option<(f64, String)> {
         self.layout.settings.interval_s().filter(|_| self.thinned().is_none())
     }
 
-    /// What shows that not every sample of the device was written: a line that says so, or a counter that rises by more than one.
+    /// What shows that not every sample of the device was written: a line that says so, or a counter that rises by more
+    /// than one.
     fn thinned(&self) -> Option<String> {
         let steps = |i: usize| median_step(self.values(i)).filter(|step| *step >= 2.0 && self.is_even(i));
         let is_counter = |i: &usize| !self.column(*i).name.is_empty() && is_counter_name(&self.column(*i).name);
@@ -219,7 +223,8 @@ impl Finder<'_, '_> {
         Ok(Roles { clocks, words, counters, repairs })
     }
 
-    /// The clock of the computer, or the only one: a date-time, or a date and a time of the day, with parts of a second in a column of their own.
+    /// The clock of the computer, or the only one: a date-time, or a date and a time of the day, with parts of a second
+    /// in a column of their own.
     fn stamps_clock(&self, stamps: &[usize]) -> Option<Clock> {
         let stamp = |i: usize| if let Looks::Stamps(stamp) = self.looks[i] { Some(stamp) } else { None };
         // of several the finest, and of equals the first
@@ -244,7 +249,8 @@ impl Finder<'_, '_> {
         Some(Clock { time: Some(time), form: Form::Stamps, date, fraction, values: Vec::new(), host: None })
     }
 
-    /// Seconds of the unit of a column that nothing names, if it holds fractions, thousandths or millionths of a second: it falls where the second changes, and nowhere else.
+    /// Seconds of the unit of a column that nothing names, if it holds fractions, thousandths or millionths of a
+    /// second: it falls where the second changes, and nowhere else.
     fn counts_within(&self, part: usize, time: usize) -> Option<f64> {
         let most = self.values(part).iter().copied().fold(0.0, f64::max);
         let unit_s = [1.0, 1e-3, 1e-6].into_iter().find(|unit_s| (0.5..1.0).contains(&(most * unit_s)))?;

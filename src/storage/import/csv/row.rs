@@ -58,8 +58,8 @@ impl<'t> Row<'t> {
         self.cells.get(place).map(|cell| &**cell)
     }
 
-    /// Number of cells of a line that has too few or too many; empty ones at its end do not count as far as the header has them too.
-    /// Elsewhere a surplus cell is a decimal comma.
+    /// Number of cells of a line that has too few or too many; empty ones at its end do not count as far as the header
+    /// has them too. Elsewhere a surplus cell is a decimal comma.
     pub(crate) fn ragged(&self, expected: usize, widest: usize) -> Option<usize> {
         let found = self.len();
         let fits = (expected..=widest).contains(&found) && self.iter().skip(expected).all(str::is_empty);

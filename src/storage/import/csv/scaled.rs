@@ -1,5 +1,6 @@
-//! Factors, zeros and the vacuum that stand beside a table. Nobody can tell whether the numbers below have them yet: like a factor in a heading they
-//! become part of the unit, which nobody knows then, and the user is asked what the numbers stand for.
+//! Factors, zeros and the vacuum that stand beside a table. Nobody can tell whether the numbers below have them yet:
+//! like a factor in a heading they become part of the unit, which nobody knows then, and the user is asked what the
+//! numbers stand for.
 
 use crate::storage::import::csv::heading::{factor_of, key_of};
 use crate::storage::import::kinds::{is_absolute_name, is_absolute_unit, pressure_unit};
@@ -51,8 +52,8 @@ const BETWEEN: [&str; 6] = ["is", "of", "by", "with", "mit", "durch"];
 const REFERENCES: [&str; 8] =
     ["reference", "pressuretype", "type", "mode", "pressuremode", "sensormode", "bezug", "druckart"];
 
-/// Whether a cell under such a key changes the numbers: it is a number, and neither the factor 1 nor the zero 0. A number per volt belongs to the
-/// transducer.
+/// Whether a cell under such a key changes the numbers: it is a number, and neither the factor 1 nor the zero 0. A
+/// number per volt belongs to the transducer.
 pub(crate) fn changes(key: &str, cell: &str) -> bool {
     let is_factor = FACTORS.contains(&key) || FACTORS[..2].iter().any(|end| key.ends_with(end));
     if !is_factor && !ZEROS.contains(&key) {
@@ -77,13 +78,14 @@ const TRANSDUCER: [&str; 9] = [
     "excitation",
 ];
 
-/// Whether a key is that of a line on the transducer: the factor and the zero beside it are its own, and numbers in a unit have passed them.
+/// Whether a key is that of a line on the transducer: the factor and the zero beside it are its own, and numbers in a
+/// unit have passed them.
 pub(crate) fn is_of_transducer(key: &str) -> bool {
     TRANSDUCER.contains(&key)
 }
 
-/// The part of a remark that says how large the numbers are: `slope 0.1`, `values multiplied by 10`, `raw values are tenths of a bar`, `pressures x10`,
-/// `1 count = 0.1 bar`, `Tare: 1.0 bar`.
+/// The part of a remark that says how large the numbers are: `slope 0.1`, `values multiplied by 10`,
+/// `raw values are tenths of a bar`, `pressures x10`, `1 count = 0.1 bar`, `Tare: 1.0 bar`.
 pub(crate) fn factor_in_words(remark: &str) -> Option<&str> {
     let clauses = remark.split(", ").flat_map(|part| part.split([';', '(', ')'])).map(str::trim);
     clauses.into_iter().find(|clause| {
@@ -124,7 +126,8 @@ pub(crate) fn property_is_absolute(name: &str, value: &str) -> bool {
     is_absolute_by(&key_of(name), value) || is_absolute(value)
 }
 
-/// Whether a key and what stands behind it say so: `Pressure type: absolute`, `Reference;absolute;absolute`, `Reference: vacuum`.
+/// Whether a key and what stands behind it say so: `Pressure type: absolute`, `Reference;absolute;absolute`,
+/// `Reference: vacuum`.
 pub(crate) fn is_absolute_by(key: &str, cell: &str) -> bool {
     let says = |word: &str| ["absolute", "absolut", "abs", "vacuum", "vakuum"].contains(&word);
     REFERENCES.contains(&key) && cell.to_lowercase().split(|c: char| !c.is_alphabetic()).any(says)

@@ -1,4 +1,5 @@
-//! What stands around a table: lines of a key and its values, such as `Sample Interval,1.0e-03`, `Y_Unit_Label⇥bar⇥bar` or `# start: 2026-03-14`.
+//! What stands around a table: lines of a key and its values, such as `Sample Interval,1.0e-03`, `Y_Unit_Label⇥bar⇥bar`
+//! or `# start: 2026-03-14`.
 
 use std::borrow::Cow;
 
@@ -13,7 +14,8 @@ use crate::storage::import::source::{Repair, SourceOptions, Start};
 /// Kind of the remark on a start that the file gives.
 pub(crate) const START: &str = "start";
 
-/// Keys of the time from sample to sample. Those of oscilloscopes and of LabVIEW are in seconds where no unit stands by.
+/// Keys of the time from sample to sample. Those of oscilloscopes and of LabVIEW are in seconds where no unit stands
+/// by.
 const INTERVALS: [&str; 16] = [
     "sampleinterval",
     "increment",
@@ -109,8 +111,8 @@ pub(crate) fn is_key(cell: &str) -> bool {
 }
 
 impl Setting {
-    /// What a line says of each column: one thing of all; of as many as there are values, by their order; otherwise by their places, the key in that of
-    /// the first column or before it.
+    /// What a line says of each column: one thing of all; of as many as there are values, by their order; otherwise by
+    /// their places, the key in that of the first column or before it.
     fn by_column(&self, width: usize, values: &[usize]) -> Vec<(usize, String)> {
         let cells = || self.cells.iter().map(|c| c.trim()).enumerate().filter(|(_, c)| !c.is_empty());
         // a unit of time is that of the times: the line goes by the columns
@@ -143,7 +145,8 @@ pub(crate) struct Settings {
 }
 
 impl Settings {
-    /// Takes the cells of a line; of one cell alone what stands on both sides of a colon or an equals sign. A word alone heads what follows.
+    /// Takes the cells of a line; of one cell alone what stands on both sides of a colon or an equals sign. A word
+    /// alone heads what follows.
     pub(crate) fn take(&mut self, cells: &[Cow<'_, str>]) {
         let last = cells.iter().rposition(|c| !c.is_empty()).map_or(0, |last| last + 1);
         if let [one] = &cells[..last] {
@@ -216,7 +219,8 @@ impl Settings {
         Some(format!("'{} {}'", thinned.name, thinned.cells.join(" ").trim()))
     }
 
-    /// Factors and zeros that lines or remarks state of columns, in their words: nobody can tell whether the numbers have them yet.
+    /// Factors and zeros that lines or remarks state of columns, in their words: nobody can tell whether the numbers
+    /// have them yet.
     pub(crate) fn factors(&self, width: usize, values: &[usize]) -> Vec<(usize, String)> {
         // what the lines say of volts is how they became what the numbers are in
         let is_volts = |cell: &String| is_electric(number_of(cell.trim()).1);
@@ -262,7 +266,8 @@ impl Settings {
         NAMES.iter().find_map(line).map_or(Vec::new(), |line| line.by_column(width, values))
     }
 
-    /// Name and unit of a channel in a table of channels, such as `CH,Signal name,…,Unit` over `CH1,Valve,…,bar`, or its unit under its name.
+    /// Name and unit of a channel in a table of channels, such as `CH,Signal name,…,Unit` over `CH1,Valve,…,bar`, or
+    /// its unit under its name.
     pub(crate) fn channel(&self, heading: &str) -> Option<(Option<String>, String)> {
         let under = |s: &&Setting| UNITS.contains(&s.key.as_str()) && s.head.as_deref() == Some(heading);
         if let Some(unit) = self.all.iter().find(under).and_then(|s| s.cells.first()).filter(|u| is_known_unit(u)) {
@@ -281,7 +286,8 @@ impl Settings {
         Some((cell(place(&NAMES)), unit))
     }
 
-    /// Whether a line says that pressures count from the vacuum: `Pressure type: absolute`, `Reference;absolute;absolute`, `pressures are absolute`.
+    /// Whether a line says that pressures count from the vacuum: `Pressure type: absolute`,
+    /// `Reference;absolute;absolute`, `pressures are absolute`.
     pub(crate) fn is_absolute(&self) -> bool {
         let keyed = |s: &Setting| s.cells.iter().any(|cell| is_absolute_by(&s.key, cell));
         // a range or a remark may say it, too
@@ -295,8 +301,8 @@ impl Settings {
         said.flat_map(|text| text.split([',', ';'])).map(str::trim).find(|text| is_above_level(text))
     }
 
-    /// Wall-clock time of time 0, and a remark on it, that a line gives: `start: 2026-03-14T09:26:53.5Z`, or a date and a time in two lines, as
-    /// LabVIEW writes them. Of several the last holds, the one nearest to the table.
+    /// Wall-clock time of time 0, and a remark on it, that a line gives: `start: 2026-03-14T09:26:53.5Z`, or a date and
+    /// a time in two lines, as LabVIEW writes them. Of several the last holds, the one nearest to the table.
     pub(crate) fn start(&self, options: &SourceOptions) -> Option<(Start, Repair)> {
         let named = |s: &&Setting| s.key.contains("start") || STARTS.contains(&s.key.as_str());
         let whole = |s: &Setting| {
@@ -313,8 +319,8 @@ impl Settings {
         start_at(self.all.iter().rev().filter(named).find_map(whole).or_else(in_two)?, options)
     }
 
-    /// The start of each of several columns of values, where the lines of date and time give each its own and they differ, as LabVIEW writes channels
-    /// that were started one after the other.
+    /// The start of each of several columns of values, where the lines of date and time give each its own and they
+    /// differ, as LabVIEW writes channels that were started one after the other.
     pub(crate) fn own_starts(
         &self,
         width: usize,

@@ -36,9 +36,10 @@ struct Fraction {
 const DAY_NS: i64 = 86_400_000_000_000;
 
 impl Stamp {
-    /// Reads `2026-03-14T09:26:53.5Z`, `2026/03/14 09:26:53`, `14.03.2026 09:26:53,5`, `3/14/2026 9:26:53 PM +01:00`, `14-Mar-2026 09:26:53`,
-    /// `09:26:53.123`, `09:26:53:123`, `26:53.123` (minutes and seconds), `0 days 00:00:01.5`, `14.03.2026`, and the day of the year as in `2026-073T09:26`
-    /// and `073:09:26:53`. Slashes and dashes before the year need an order. Years of Thailand, 543 ahead, are brought to ours.
+    /// Reads `2026-03-14T09:26:53.5Z`, `2026/03/14 09:26:53`, `14.03.2026 09:26:53,5`, `3/14/2026 9:26:53 PM +01:00`,
+    /// `14-Mar-2026 09:26:53`, `09:26:53.123`, `09:26:53:123`, `26:53.123` (minutes and seconds), `0 days 00:00:01.5`,
+    /// `14.03.2026`, and the day of the year as in `2026-073T09:26` and `073:09:26:53`. Slashes and dashes before the
+    /// year need an order. Years of Thailand, 543 ahead, are brought to ours.
     pub(crate) fn parse(text: &str, order: Order) -> Option<Stamp> {
         let text = text.trim().strip_prefix("0 days ").unwrap_or(text.trim());
         // `20260314T092653.250`, without signs between the parts
@@ -81,8 +82,9 @@ impl Stamp {
         Some(Stamp { date, ns_of_day, has_date, has_time, in_hour, zone_s, digit_s, is_buddhist, fraction })
     }
 
-    /// Digits of a fraction in counts that no zeros fill up, as the cells of a column show: `53.7` is then 7 ms after `53`. What is written as a decimal
-    /// fraction never ends in a zero where its length varies, and what is filled up never varies.
+    /// Digits of a fraction in counts that no zeros fill up, as the cells of a column show: `53.7` is then 7 ms after
+    /// `53`. What is written as a decimal fraction never ends in a zero where its length varies, and what is filled up
+    /// never varies.
     pub(crate) fn unpadded<'c>(cells: impl Iterator<Item = &'c str>) -> Option<usize> {
         let read = |cell| Stamp::parse(cell, Order::DayFirst).or_else(|| Stamp::parse(cell, Order::MonthFirst));
         let all: Vec<Fraction> = cells.filter_map(read).filter_map(|stamp| stamp.fraction).collect();
@@ -131,7 +133,8 @@ impl Stamp {
     }
 }
 
-/// Where the date ends that stands before a time of day: at a `T` between digits, or at the blank before the first colon.
+/// Where the date ends that stands before a time of day: at a `T` between digits, or at the blank before the first
+/// colon.
 fn date_end(text: &str) -> Option<usize> {
     let colon = text.find(':')?;
     let digit = |at: Option<usize>| at.and_then(|at| text.as_bytes().get(at)).is_some_and(u8::is_ascii_digit);
@@ -400,7 +403,8 @@ mod tests {
         }
     }
 
-    /// The other cells of a column show whether a fraction counts thousandths or millionths, or is a decimal without its last zeros.
+    /// The other cells of a column show whether a fraction counts thousandths or millionths, or is a decimal without
+    /// its last zeros.
     #[test]
     fn a_fraction_that_no_zeros_fill_up_is_a_count() {
         let of = |cells: &[&str]| Stamp::unpadded(cells.iter().copied());

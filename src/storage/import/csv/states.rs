@@ -30,7 +30,8 @@ const GOOD: &str = "192";
 pub(crate) struct States(Vec<(usize, usize)>);
 
 impl States {
-    /// Of columns of `words` with their names: the next one on the right of a value, before the next value; or one for all.
+    /// Of columns of `words` with their names: the next one on the right of a value, before the next value; or one for
+    /// all.
     pub(crate) fn find(names: &[String], words: &[usize], values: &[usize]) -> States {
         let is_state = |i: &&usize| {
             let lower = names[**i].to_lowercase();

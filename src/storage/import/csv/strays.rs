@@ -13,7 +13,8 @@ use crate::storage::import::source::{Repair, SourceFile, counted};
 const NUMBERS: [f64; 8] = [-7999.0, 7999.0, 6999.0, 32767.0, -32768.0, 65535.0, 6553.5, 655.35];
 /// Instruments write 9.9E+37 (SCPI), or the largest number of four bytes.
 const ABOVE_ALL: f64 = 1e30;
-/// A number is far outside of the rest where it lies so many times their spread, and so many times their size, away from them.
+/// A number is far outside of the rest where it lies so many times their spread, and so many times their size, away
+/// from them.
 const FAR: f64 = 10.0;
 /// Values from which the spread of the rest is known.
 const ENOUGH: usize = 20;
@@ -21,7 +22,8 @@ const ENOUGH: usize = 20;
 /// Whole numbers of two, three and four bytes.
 const WORDS: [f64; 3] = [65_536.0, 16_777_216.0, 4_294_967_296.0];
 
-/// Gives numbers their sign back that were written without it: whole ones that jump between the two ends of a word, and are never near its middle.
+/// Gives numbers their sign back that were written without it: whole ones that jump between the two ends of a word, and
+/// are never near its middle.
 pub(crate) fn take_signs(values: &mut [f64], name: &str) -> Option<Repair> {
     let read = || values.iter().copied().filter(|v| !v.is_nan());
     let most = read().fold(0.0, f64::max);
@@ -82,12 +84,13 @@ pub(crate) fn has_strays(values: &[f64]) -> bool {
     take_unread(&mut left, &lines, "", &mut spellings).is_some() || spellings.repair().is_some()
 }
 
-/// Takes the numbers that stand for no value out of a column. A number does where it lies far outside of all others and is one that loggers use so, or
-/// comes again to the last digit.
+/// Takes the numbers that stand for no value out of a column. A number does where it lies far outside of all others and
+/// is one that loggers use so, or comes again to the last digit.
 pub(crate) fn take_sentinels(values: &mut [f64], lines: &[usize], spellings: &mut Spellings) {
     let mut sorted: Vec<f64> = values.iter().copied().filter(|v| !v.is_nan() && !is_known(*v)).collect();
     sorted.sort_unstable_by(f64::total_cmp);
-    // a value that stands for none is the least or the largest, however often it comes: the spread is that of the others
+    // a value that stands for none is the least or the largest, however often it comes: the spread is that of the
+    // others
     let ends = [sorted.first(), sorted.last()].map(|end| end.copied().unwrap_or(f64::NAN));
     let all = sorted.len();
     if all >= ENOUGH {
@@ -97,7 +100,8 @@ pub(crate) fn take_sentinels(values: &mut [f64], lines: &[usize], spellings: &mu
     // The middle nine tenths, in which no few strays count.
     let (low, high) = (sorted[last / 20], sorted[last - last / 20]);
     let (spread, size) = (high - low, low.abs().max(high.abs()));
-    // what loggers are known to write needs only be outside of the rest, and of its neighbours: a surge passes such numbers, too
+    // what loggers are known to write needs only be outside of the rest, and of its neighbours: a surge passes such
+    // numbers, too
     let known_reach = spread.max(0.1 * size);
     let is_outside = |v: f64| is_known(v) && (v < low - known_reach || v > high + known_reach);
     let contradicted = |order: &mut dyn Iterator<Item = usize>| {
@@ -156,8 +160,9 @@ const CONTRADICTED: f64 = 3.0;
 /// And so large a part of the column's spread it is at least.
 const LEAST_PART: f64 = 0.1;
 
-/// Takes readings out that fell out, as a converter or a bus writes them: a zero, or one value that comes again at an end of the range, which the
-/// neighbours on both sides contradict. The rest of the column never leaves its neighbours so far for so short a time, or never steps so far.
+/// Takes readings out that fell out, as a converter or a bus writes them: a zero, or one value that comes again at an
+/// end of the range, which the neighbours on both sides contradict. The rest of the column never leaves its neighbours
+/// so far for so short a time, or never steps so far.
 fn take_dropouts(values: &mut [f64], lines: &[usize], spellings: &mut Spellings) {
     let read = values.iter().filter(|v| !v.is_nan());
     let (low, high) = ends(read.clone());
@@ -174,7 +179,8 @@ fn take_dropouts(values: &mut [f64], lines: &[usize], spellings: &mut Spellings)
     }
 }
 
-/// Takes single readings out that lie outside of both neighbours by more than all the rest ranges, several times: a spark on the line.
+/// Takes single readings out that lie outside of both neighbours by more than all the rest ranges, several times: a
+/// spark on the line.
 fn take_sparks(values: &mut [f64], lines: &[usize], spellings: &mut Spellings) {
     let places: Vec<usize> = (0..values.len()).filter(|&i| !values[i].is_nan()).collect();
     let mut sorted: Vec<f64> = places.iter().map(|&i| values[i]).collect();
@@ -232,8 +238,8 @@ const LEAST_HELD: usize = 20;
 /// Noise turns back as often, of all its steps; what moves without noise does not.
 const TURNS_BACK: f64 = 0.15;
 
-/// Takes a reading out but for its first value where it stands still for longer than chance makes it: it moves before and after, and with noise on one
-/// side. What is cut off at the end of a range is none of these.
+/// Takes a reading out but for its first value where it stands still for longer than chance makes it: it moves before
+/// and after, and with noise on one side. What is cut off at the end of a range is none of these.
 fn take_held(values: &mut [f64], lines: &[usize], name: &str) -> Option<Repair> {
     let places: Vec<usize> = (0..values.len()).filter(|&i| !values[i].is_nan()).collect();
     let read: Vec<f64> = places.iter().map(|&i| values[i]).collect();
@@ -277,8 +283,8 @@ fn take_held(values: &mut [f64], lines: &[usize], name: &str) -> Option<Repair> 
 /// Changes by which a column shows that it was read more slowly than its table.
 const LEAST_CHANGES: usize = 20;
 
-/// Takes the repeats out of a column that was read more slowly than its table was written: each value stands there as often as the others, or once
-/// more.
+/// Takes the repeats out of a column that was read more slowly than its table was written: each value stands there as
+/// often as the others, or once more.
 fn take_repeats(values: &mut [f64], name: &str) -> Option<Repair> {
     let places: Vec<usize> = (0..values.len()).filter(|&i| !values[i].is_nan()).collect();
     let runs: Vec<&[usize]> = places.chunk_by(|a, b| values[*a] == values[*b]).collect();

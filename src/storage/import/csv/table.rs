@@ -5,7 +5,8 @@ use crate::storage::import::csv::grid::{Hole, uneven_gaps};
 use crate::storage::import::csv::missing::is_missing;
 use crate::storage::import::gaps::gaps;
 
-/// Times, lines of the file and columns, all of one length; NaN where a cell is empty, and a NaN of its own where it says that a value is missing.
+/// Times, lines of the file and columns, all of one length; NaN where a cell is empty, and a NaN of its own where it
+/// says that a value is missing.
 #[derive(Default)]
 pub(crate) struct Table {
     pub(crate) time_s: Vec<f64>,
@@ -13,8 +14,8 @@ pub(crate) struct Table {
     pub(crate) columns: Vec<Vec<f64>>,
 }
 
-/// The samples of a column, and the gaps in it: only one that is sampled on both sides of a hole has lost something in it, and so it has where a
-/// cell says that its value is missing.
+/// The samples of a column, and the gaps in it: only one that is sampled on both sides of a hole has lost something in
+/// it, and so it has where a cell says that its value is missing.
 pub(crate) fn column_series(time_s: &[f64], values: &[f64], holes: &[Hole]) -> Series {
     let present = || time_s.iter().zip(values).filter(|(_, v)| !v.is_nan());
     let lost = holes.iter().filter(|h| !values[h.before].is_nan() && !values[h.before + 1].is_nan());

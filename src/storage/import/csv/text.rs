@@ -1,4 +1,5 @@
-//! Bytes become text: UTF-8, UTF-16, and older code pages, which the bytes only suggest: letters decide among them, and numbers are the same in all.
+//! Bytes become text: UTF-8, UTF-16, and older code pages, which the bytes only suggest: letters decide among them, and
+//! numbers are the same in all.
 
 use std::borrow::Cow;
 use std::collections::BTreeSet;

@@ -36,7 +36,8 @@ impl Field {
 }
 
 impl Format {
-    /// The format of a channel: its encoding and its schema's name, encoding and data. `Err` says why it cannot be read.
+    /// The format of a channel: its encoding and its schema's name, encoding and data. `Err` says why it cannot be
+    /// read.
     pub(crate) fn of(encoding: &str, schema: Option<(&str, &str, &[u8])>) -> Result<Format, String> {
         match (encoding, schema) {
             ("json", _) => Ok(Format::Json),

@@ -1,5 +1,5 @@
-//! MCAP files of other programs: each number of each message is a track, mapped to a sensor by a user. Recordings of our own
-//! give the samples of their sensors.
+//! MCAP files of other programs: each number of each message is a track, mapped to a sensor by a user. Recordings of
+//! our own give the samples of their sensors.
 
 pub(crate) mod fields;
 

@@ -28,7 +28,8 @@ impl Values {
 pub(crate) struct Channel {
     pub path: String,
     pub values: Values,
-    /// Where its start or increment changed from one segment to the next: the first value behind that, and how it was before.
+    /// Where its start or increment changed from one segment to the next: the first value behind that, and how it was
+    /// before.
     pub earlier: Vec<(usize, Timing)>,
 }
 
@@ -55,7 +56,8 @@ impl Timing {
         Timing { start_ns, increment_s, offset_s: number("wf_start_offset").unwrap_or(0.0) }
     }
 
-    /// True where values behind `after` are a stretch of their own: it differs, and does not merely add what was missing before.
+    /// True where values behind `after` are a stretch of their own: it differs, and does not merely add what was
+    /// missing before.
     pub(crate) fn ends_with(self, after: Timing) -> bool {
         self.increment_s.is_some()
             && self != after
@@ -121,7 +123,8 @@ impl Channel {
         Channel { path: path.to_string(), values, earlier: Vec::new() }
     }
 
-    /// Takes in the values that start `offset` bytes into `raw`, `stride` bytes apart, `count` of them or as many as there are.
+    /// Takes in the values that start `offset` bytes into `raw`, `stride` bytes apart, `count` of them or as many as
+    /// there are.
     pub(crate) fn extend(
         &mut self,
         raw: Bytes<'_>,

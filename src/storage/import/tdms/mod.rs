@@ -1,5 +1,6 @@
-//! NI TDMS, as "TDMS File Format Internal Structure" (NI, document 5696) describes it: segments of metadata and raw data,
-//! contiguous or interleaved, little or big endian, cut off or whole. DAQmx raw data, which only NI's driver can scale, is refused.
+//! NI TDMS, as "TDMS File Format Internal Structure" (NI, document 5696) describes it: segments of metadata and raw
+//! data, contiguous or interleaved, little or big endian, cut off or whole. DAQmx raw data, which only NI's driver can
+//! scale, is refused.
 //!
 //! No published crate reads big-endian files, repeated metadata and scaled channels, and the format is small.
 
@@ -154,7 +155,8 @@ fn found(
     Ok(Found::Track(Box::new(Timed { track, start_ns, holes_s })))
 }
 
-/// A unit with what other properties say of it: a factor or a zero, which make an unknown one of it, or that it counts from the vacuum.
+/// A unit with what other properties say of it: a factor or a zero, which make an unknown one of it, or that it counts
+/// from the vacuum.
 fn stated(unit: Option<String>, chain: &[&Properties]) -> Option<String> {
     let shown = |property: &Property| match property {
         Property::Text(text) => text.clone(),

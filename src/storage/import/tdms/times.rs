@@ -31,8 +31,8 @@ pub(crate) fn is_times(channel: &Channel, properties: &BTreeMap<String, Properti
     !has_step && given(channel, properties).is_some()
 }
 
-/// The times of a channel, whose properties and those of what stands around it are a `chain`; none where nothing says them. What was
-/// chosen is added to `repairs`.
+/// The times of a channel, whose properties and those of what stands around it are a `chain`; none where nothing says
+/// them. What was chosen is added to `repairs`.
 pub(crate) fn times_of(
     channel: &Channel,
     all: &[Channel],

@@ -1,9 +1,11 @@
-//! The broad shape of a noise's spectrum: a first-order autoregression and white noise, `S(ω) ∝ d²/(d² + 2φ(1 - cos ω)) + g`, `d = 1 - φ`.
+//! The broad shape of a noise's spectrum: a first-order autoregression and white noise,
+//! `S(ω) ∝ d²/(d² + 2φ(1 - cos ω)) + g`, `d = 1 - φ`.
 //!
-//! Averages over frequencies flatten a spectrum that is steep within them. They do not flatten its ratio to a similar shape, and the shape
-//! multiplied back gives an estimate with the bias of that ratio (multiplicative bias correction: Hjort & Glad 1995, Ann. Statist. 23, 882;
-//! of spectra, Xiao & Linton 2002, J. Time Ser. Anal. 23, 215). The shape is the likeliest by Whittle (1953, Ark. Mat. 2, 423) of a
-//! grid, less one for each of its parameters (Akaike 1974, IEEE Trans. Autom. Control 19, 716): noise that is hardly slower than white stays white.
+//! Averages over frequencies flatten a spectrum that is steep within them. They do not flatten its ratio to a similar
+//! shape, and the shape multiplied back gives an estimate with the bias of that ratio (multiplicative bias correction:
+//! Hjort & Glad 1995, Ann. Statist. 23, 882; of spectra, Xiao & Linton 2002, J. Time Ser. Anal. 23, 215). The shape is
+//! the likeliest by Whittle (1953, Ark. Mat. 2, 423) of a grid, less one for each of its parameters (Akaike 1974, IEEE
+//! Trans. Autom. Control 19, 716): noise that is hardly slower than white stays white.
 
 use crate::fit::inference::thresholds::{BAND_SHARE, SHAPES_PER_DECADE, SLOWEST_DECADE, WHITE_DECADES};
 
@@ -76,7 +78,8 @@ fn bands(periodogram: &[f64], oversampled: f64, chord: &dyn Fn(f64) -> f64) -> V
 mod tests {
     use super::*;
 
-    /// Of the expected spectrum of noise that is on the grid the shape is that spectrum; of a flat one it is flat, and so it is of nothing.
+    /// Of the expected spectrum of noise that is on the grid the shape is that spectrum; of a flat one it is flat, and
+    /// so it is of nothing.
     #[test]
     fn a_shape_on_the_grid_is_found() {
         for true_shape in [(0.01, 0.01), (10f64.powf(-2.5), 0.0), (1.0, 0.0)] {

@@ -70,7 +70,8 @@ fn run(rig: &Rig, file: &str) -> RunData {
     }
 }
 
-/// The shortcuts of `residuals_moved` (other runs copied, offsets added, the latest simulation read) give what a full evaluation gives.
+/// The shortcuts of `residuals_moved` (other runs copied, offsets added, the latest simulation read) give what a full
+/// evaluation gives.
 #[test]
 fn moving_one_variable_by_a_shortcut_changes_nothing() {
     let rig = Rig::from_toml(RIG, "rig.toml").unwrap();
@@ -129,8 +130,8 @@ fn what_is_held_may_stand_at_either_end_of_the_pipe() {
     }
 }
 
-/// A closure that takes six times 2L/a: another start and another closing time that leave its end where it is hardly change the head. How far they are known
-/// is the same on every grid.
+/// A closure that takes six times 2L/a: another start and another closing time that leave its end where it is hardly
+/// change the head. How far they are known is the same on every grid.
 #[test]
 fn start_and_duration_of_a_slow_closure_are_known_alike_on_every_grid() {
     let text = HDPE.replace("80.0", "60.0").replace("closing_time_s = 0.1", "closing_time_s = 0.53");
@@ -149,6 +150,7 @@ fn start_and_duration_of_a_slow_closure_are_known_alike_on_every_grid() {
         known * problem.stretch(closing, run.closing_time_s)
     };
     let errors_s = [64, 128, 256].map(error_s);
-    // with steps far below the grid's they would rise by the root of two from grid to grid, from a fifth of what they are
+    // with steps far below the grid's they would rise by the root of two from grid to grid, from a fifth of what they
+    // are
     assert!(errors_s.iter().all(|e| (e / errors_s[2] - 1.0).abs() < 0.05), "{errors_s:?}");
 }

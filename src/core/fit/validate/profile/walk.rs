@@ -1,7 +1,8 @@
 //! The walk along one variable of a profile: where all others are at their optimum, and where it ends.
 //!
-//! A point counts where the descent of all other variables has reached an optimum ([`crate::fit::inference::optimum`]): elsewhere the sum of squares shows
-//! neither that the threshold is passed nor that it is not. Such a point is tried again from other starts, then replaced by a nearer one.
+//! A point counts where the descent of all other variables has reached an optimum ([`crate::fit::inference::optimum`]):
+//! elsewhere the sum of squares shows neither that the threshold is passed nor that it is not. Such a point is tried
+//! again from other starts, then replaced by a nearer one.
 
 use rayon::prelude::*;
 
@@ -114,7 +115,8 @@ fn side<P: Problem>(problem: &P, start: &Start, sign: f64) -> (Side, End) {
     let (lower, upper) = problem.bounds();
     let room = if sign < 0.0 { best.x[j] - lower[j] } else { upper[j] - best.x[j] };
     let mut side = Side::default();
-    // The last place inside, the first outside, and the first unresolved one: their distances, and how many standard errors.
+    // The last place inside, the first outside, and the first unresolved one: their distances, and how many standard
+    // errors.
     let (mut near, mut far, mut unknown) = ((0.0, 0.0, best.x.clone()), None::<(f64, f64)>, None::<f64>);
     let mut away = first.min(room);
     if room <= 0.0 {
@@ -124,7 +126,8 @@ fn side<P: Problem>(problem: &P, start: &Start, sign: f64) -> (Side, End) {
         let at = best.x[j] + sign * away;
         let moved =
             |from: &[f64], by: f64| from.iter().zip(follow).map(|(x, f)| x + f * sign * by).collect::<Vec<f64>>();
-        // Along the valley as linearised at the best fit, and straight on in case that leads astray; then from the centre.
+        // Along the valley as linearised at the best fit, and straight on in case that leads astray; then from the
+        // centre.
         let mut found = descend(problem, start, at, &[moved(&near.2, away - near.0), near.2.clone()], &mut side);
         if !found.resolved {
             let again = [found.x.clone(), moved(&best.x, away), best.x.clone()];
@@ -244,7 +247,8 @@ mod tests {
         }
     }
 
-    /// Counts of a rate: 2 (μ - n - n ln(μ/n)) = 3.8415 at n = 10 has the ends 5.011 and 17.539 (solved by scipy's brentq), far from symmetric.
+    /// Counts of a rate: 2 (μ - n - n ln(μ/n)) = 3.8415 at n = 10 has the ends 5.011 and 17.539 (solved by scipy's
+    /// brentq), far from symmetric.
     #[test]
     fn of_a_poisson_rate_it_is_the_likelihood_interval() {
         let n = 10.0f64;
@@ -292,8 +296,8 @@ mod tests {
         assert!(low > 2.0 && low < 50.0, "{low}");
     }
 
-    /// Beyond x₀ = 1 the other variable's residual is 10⁴ and a staircase, so that every difference predicts a way down that no step finds. Such
-    /// points are no optima, and the end is not before them.
+    /// Beyond x₀ = 1 the other variable's residual is 10⁴ and a staircase, so that every difference predicts a way down
+    /// that no step finds. Such points are no optima, and the end is not before them.
     #[test]
     fn a_descent_that_fails_is_no_end() {
         let problem = Test {

@@ -1,4 +1,5 @@
-//! What becomes of the times of a device whose clock, line or program misbehaves: every sample carries its number, and so its true time.
+//! What becomes of the times of a device whose clock, line or program misbehaves: every sample carries its number, and
+//! so its true time.
 
 use crate::record::session::live_test::tests::*;
 
@@ -61,7 +62,8 @@ impl Device {
         messages
     }
 
-    /// How far its samples may be from their true times, s: stamps that are late look late, and a step is known as well as two of them.
+    /// How far its samples may be from their true times, s: stamps that are late look late, and a step is known as well
+    /// as two of them.
     fn most_off_s(self) -> f64 {
         0.0015 + 2.0 * self.jitter_us as f64 / 1e6
     }

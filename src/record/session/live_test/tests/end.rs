@@ -2,7 +2,8 @@
 
 use crate::record::session::live_test::tests::*;
 
-/// What becomes of devices that send for so many seconds each, on time, where something `happens` then and says why the session ended.
+/// What becomes of devices that send for so many seconds each, on time, where something `happens` then and says why the
+/// session ended.
 fn ended(
     options: &Options,
     seconds: &[i64],
@@ -33,7 +34,8 @@ fn a_device_that_fell_silent_before_the_end_is_incomplete_and_leaves_a_gap() {
     assert!((gap.from_s - 1.999).abs() < 0.002 && (gap.to_s - 6.0).abs() < 0.5, "{gap:?}");
 }
 
-/// With nobody left who sends, that is the stream's end, whether the program waits it out or the user is faster: nothing is known to be owed.
+/// With nobody left who sends, that is the stream's end, whether the program waits it out or the user is faster:
+/// nothing is known to be owed.
 #[test]
 fn where_all_have_fallen_silent_the_stream_has_ended_however_the_session_does() {
     let folder = tempfile::tempdir().unwrap();

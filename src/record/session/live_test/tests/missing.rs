@@ -4,8 +4,8 @@ use crate::record::session::live_test::tests::*;
 use crate::record::session::output::Absent;
 use crate::rig::TimeUnit;
 
-/// A shot of A (frames) from 2 s to 5 s of its clock, beside a B that speaks `lines` at these moments, ms; the line of moment 0 is the rest
-/// of one. Samples of B are its moments.
+/// A shot of A (frames) from 2 s to 5 s of its clock, beside a B that speaks `lines` at these moments, ms; the line of
+/// moment 0 is the rest of one. Samples of B are its moments.
 fn beside_a_logger(moments_ms: &[i64]) -> (Summary, Recording) {
     let folder = tempfile::tempdir().unwrap();
     let mut rig = rig("frames");
@@ -34,7 +34,8 @@ fn assert_lacks(moments_ms: &[i64], from_s: f64, to_s: f64) {
     assert_eq!(shot.series[1].value.is_empty(), whole);
 }
 
-/// One line says nothing of how many values a line has, so it is held back: the shot waits for the second, and then says that it was missing.
+/// One line says nothing of how many values a line has, so it is held back: the shot waits for the second, and then
+/// says that it was missing.
 #[test]
 fn a_logger_whose_second_line_comes_late_is_waited_for_and_then_said_to_be_missing() {
     let (summary, shot) = beside_a_logger(&[3500, 8500]);

@@ -16,7 +16,8 @@ fn a_restarted_device_is_noticed_and_a_late_frame_is_not_taken_for_one() {
     assert_eq!((counts.frames, counts.duplicated), (before.frames + 5, before.duplicated));
 }
 
-/// A device that restarts twice within a few frames, with the same numbers and times; and one that sends a block of frames again.
+/// A device that restarts twice within a few frames, with the same numbers and times; and one that sends a block of
+/// frames again.
 #[test]
 fn a_second_restart_is_told_from_frames_that_come_again() {
     let mut decoder = Decoder::new();
@@ -96,8 +97,8 @@ fn a_false_time_is_dropped_and_a_true_jump_is_not() {
     assert_eq!(decoder.counts(), FrameCounts { frames: 9, ..FrameCounts::default() });
 }
 
-/// One stamp in an unbroken sequence is off: its frame stands where the sequence puts it. In the last case nothing came for just as
-/// long, which spoke for its time: until that has passed nothing can be taken.
+/// One stamp in an unbroken sequence is off: its frame stands where the sequence puts it. In the last case nothing came
+/// for just as long, which spoke for its time: until that has passed nothing can be taken.
 #[test]
 fn a_stamp_that_is_off_by_less_than_a_stall_moves_nothing_else() {
     for (off_us, late_ms, bad) in [
@@ -156,7 +157,8 @@ fn bursts_do_not_speak_for_a_false_stamp() {
     }
 }
 
-/// Frames that are missing, a clock set back at the same time by less or more than them, and the next frames that say so.
+/// Frames that are missing, a clock set back at the same time by less or more than them, and the next frames that say
+/// so.
 #[test]
 fn a_clock_that_is_set_back_where_frames_are_missing_is_told_by_the_sequence() {
     for (lost, step_us) in
@@ -181,8 +183,8 @@ fn a_clock_that_is_set_back_where_frames_are_missing_is_told_by_the_sequence() {
     }
 }
 
-/// Stamps that a device's program takes when it comes to it, 3 to 9 ms late, or that tick in milliseconds while it samples at 10 kHz: no frame
-/// is lost, none jumps, and once their scatter is known the samples go on evenly.
+/// Stamps that a device's program takes when it comes to it, 3 to 9 ms late, or that tick in milliseconds while it
+/// samples at 10 kHz: no frame is lost, none jumps, and once their scatter is known the samples go on evenly.
 #[test]
 fn stamps_that_scatter_are_smoothed() {
     let mut dice = fastrand::Rng::with_seed(4);
