@@ -70,7 +70,8 @@ impl Fitter<'_> {
 
     /// A fit past the elements of creep that keep it from its optimum; none where it is there, or does not get there.
     pub(crate) fn pruned(&self, fit: &Fit) -> Option<Fit> {
-        let go_on = || go_on(self.rig, self.runs, fit, self.options, &self.shown(&fit.effects)).ok();
+        let options = Options { brief: true, ..self.options.clone() };
+        let go_on = || go_on(self.rig, self.runs, fit, &options, &self.shown(&fit.effects)).ok();
         if fit.converged { None } else { go_on().filter(|pruned| pruned.converged) }
     }
 
