@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::cli::args::recordings;
-use crate::cli::commands::effects::new::{usual, write};
+use crate::cli::commands::effects::new::{check, usual, write};
 use crate::cli::console::document::say_document;
 use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::print::{say, say_text, tell};
@@ -44,6 +44,10 @@ pub struct Args {
 /// # Errors
 /// A file that cannot be read, effects that do not exist, a model that cannot be simulated.
 pub fn run(args: Args, json: bool) -> CommandResult {
+    let drafted_to = args.as_effect.map(|name| (args.output.unwrap_or_else(|| usual(&name)), name));
+    if let Some((path, name)) = &drafted_to {
+        check(path, name)?;
+    }
     let is_model = |path: &Path| path.extension().is_some_and(|e| e == "toml");
     let (fit, found) = match args.of.as_slice() {
         [file] if is_model(file) => {
@@ -73,15 +77,15 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         say!("Nothing is left to explain: what the {} leaves is noise.", name_of(&fit.effects));
     } else {
         say_text!(rest::text(&found));
+        say!("An effect of the catalogue may explain it as well: `surgescope diagnose` tries those first.");
     }
-    if let Some(name) = &args.as_effect {
-        let path = args.output.unwrap_or_else(|| usual(name));
-        let drafted = found.iter().find_map(|one| draft_of_pulsation(name, one).or_else(|| draft(name, one)));
-        let Some(text) = drafted else {
-            return Err("nothing that was found follows a law from which an effect can be drafted".into());
-        };
-        write(&path, name, &text)?;
-        tell!("{} written. Next: surgescope effects check {}", path.shown(), path.shown());
-    }
+    let Some((path, name)) = drafted_to else { return Ok(Outcome::Done) };
+    let of = |one| draft_of_pulsation(&name, one).or_else(|| draft(&name, one)).map(|text| (one, text));
+    let Some((one, text)) = found.iter().find_map(of) else {
+        tell!("no effect was drafted: nothing that was found follows a law");
+        return Ok(Outcome::No);
+    };
+    write(&path, &name, &text)?;
+    tell!("{} written, from: {}. Next: surgescope effects check {}", path.shown(), one.says, path.shown());
     Ok(Outcome::Done)
 }

@@ -46,17 +46,30 @@ pub(crate) fn usual(name: &str) -> PathBuf {
     PathBuf::from(FOLDER).join(format!("{name}.toml"))
 }
 
-/// Writes the file of an effect where none stands.
+/// Whether an effect of this name can be written there.
 ///
 /// # Errors
-/// A name that no effect may have, a text that is none, a file that is there already or cannot be written.
-pub(crate) fn write(path: &Path, name: &str, text: &str) -> Result<(), AnyError> {
-    if stem(path) != name {
-        return Err(format!("the file of an effect has its name: write -o …/{name}.toml").into());
-    }
+/// A name that no effect may have, a file that is called otherwise or is there already.
+pub(crate) fn check(path: &Path, name: &str) -> Result<(), AnyError> {
     if crate::model::effects::CATALOGUE.iter().any(|e| e.name() == name) {
         return Err(format!("'{name}' is an effect of the catalogue: choose another name").into());
     }
+    read(&START.replace("NAME", name), &path.shown(), name)?;
+    if stem(path) != name {
+        return Err(format!("the file of an effect has its name: write -o …/{name}.toml").into());
+    }
+    if path.exists() {
+        return Err(format!("{} exists: choose another name, or move it away", path.shown()).into());
+    }
+    Ok(())
+}
+
+/// Writes the file of an effect where none stands.
+///
+/// # Errors
+/// As [`check`]; a text that is no effect, a file that cannot be written.
+pub(crate) fn write(path: &Path, name: &str, text: &str) -> Result<(), AnyError> {
+    check(path, name)?;
     read(text, &path.shown(), name)?;
     if let Some(folder) = path.parent().filter(|f| !f.as_os_str().is_empty()) {
         std::fs::create_dir_all(folder).map_err(|e| format!("cannot make the folder {}: {e}", folder.shown()))?;
