@@ -2,6 +2,7 @@
 
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
+use crate::fit::posterior::doubt::find_bounds;
 use crate::fit::problem::method::Method;
 use crate::fit::progress::OnProgress;
 use crate::fit::search::nested::calibrate_nested;
@@ -123,6 +124,8 @@ impl Calibrate<'_> {
         let held = constraints(self.rig, self.runs, &effects, &self.hold);
         options.constraints.splice(0..0, held.into_iter().flatten());
         let [effects] = effects;
-        Ok(calibrate_nested(self.rig, self.runs, &effects, &options, self.on_progress)?)
+        let mut fit = calibrate_nested(self.rig, self.runs, &effects, &options, self.on_progress)?;
+        find_bounds(&mut fit);
+        Ok(fit)
     }
 }

@@ -3,7 +3,7 @@
 use crate::cli::console::print::tell_warning;
 use crate::cli::console::progress::progress_bar;
 use crate::fit::outcome::fit::Fit;
-use crate::fit::posterior::doubt::{find_bounds, find_doubts};
+use crate::fit::posterior::doubt::find_doubts;
 use crate::fit::posterior::sample::sample;
 use crate::fit::problem::objective::Objective;
 use crate::fit::progress::Progress;
@@ -34,7 +34,7 @@ impl Sampling {
         }
     }
 
-    /// Says where the fit's intervals are in doubt, and samples its posterior where that was asked for. Warns where the
+    /// Where that was asked for, samples the fit's posterior and says which intervals are in doubt. Warns where the
     /// chains have not met.
     ///
     /// # Errors
@@ -48,10 +48,7 @@ impl Sampling {
         if options.objective == Objective::Frequency {
             return Ok(());
         }
-        let Some(wanted) = self.posterior else {
-            find_bounds(fit);
-            return Ok(());
-        };
+        let Some(wanted) = self.posterior else { return Ok(()) };
         let began = std::time::Instant::now();
         let bar = progress_bar();
         find_doubts(study.rig(), study.runs(), fit, options)?;
