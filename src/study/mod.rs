@@ -28,6 +28,7 @@ use crate::fit::progress::{OnProgress, Progress};
 use crate::fit::search::calibrate::{calibrate, without};
 use crate::fit::search::nested::with_more_elements;
 use crate::fit::search::options::Options;
+use crate::model::Model;
 use crate::model::effects::{Chosen, parse_list};
 use crate::recording::Recording;
 use crate::results::fit_record::FitRecord;
@@ -256,7 +257,16 @@ impl Study {
         self.recordings.iter().try_for_each(Loaded::require_sound)?;
         let (rig, runs) = (&self.rig, &self.runs);
         let has = |c: &Chosen| effects.iter().any(|own| own.effect.name() == c.effect.name());
-        if start.len() == effects.len() || !start.iter().all(has) {
+        // What is held or bounded of an added effect has no meaning without it, so that effect stays.
+        let model = Model::new(rig, &runs[0].conditions.water, effects);
+        let knows = |i: usize| start.iter().any(|c| c.effect.name() == effects[i].effect.name());
+        let added: Vec<&str> = (0..effects.len())
+            .filter(|&i| !knows(i))
+            .flat_map(|i| model.shared[model.parameters_of(i)].iter().map(|p| p.name.as_str()))
+            .collect();
+        let mut names = options.constraints.iter().map(|c| &c.name).chain(options.priors.iter().map(|p| &p.name));
+        let of_added = names.any(|name| added.contains(&name.as_str()));
+        if start.len() == effects.len() || of_added || !start.iter().all(has) {
             return Ok(Growing::starting(rig, runs, effects, options, self.watcher())?);
         }
         let fit = calibrate(rig, runs, effects, options, self.watcher())?;
