@@ -12,6 +12,7 @@ mod of_rig;
 mod record;
 #[allow(dead_code)]
 mod rig;
+#[allow(dead_code)]
 mod scheme;
 
 use std::collections::BTreeMap;

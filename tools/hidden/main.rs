@@ -13,6 +13,7 @@ mod record;
 mod rig;
 mod scheme;
 mod truth;
+mod waveform;
 
 use std::path::Path;
 
@@ -61,7 +62,7 @@ fn main() -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
                 name,
                 json!({"hidden": {"effect": kind, "effects": effects, "what": format!("{:?}", case.hidden)}, "start_effects": case.start_effects,
                        "noise_m": case.noise_m, "joukowsky_m": case.joukowsky_m(), "wave_speed_m_s": case.wave_speed_m_s,
-                       "material": case.material, "truth": truth, "forcing": forcing::truth(&case)}),
+                       "material": case.material, "truth": truth, "forcing": waveform::truth(&case)}),
             ))
         })
         .collect::<Result<_, Box<dyn std::error::Error + Send + Sync>>>()?;

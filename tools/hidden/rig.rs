@@ -263,8 +263,70 @@ pub fn draw(
         hidden,
     };
     if is_forced {
-        let forced = Forced::draw(random, kind, &case, place_m, which);
-        case.hidden.push(forced);
+        let hidden = forced(random, kind, &case, place_m, which);
+        case.hidden.push(hidden);
     }
     case
+}
+
+/// Draws one of a kind; `place_m` and `sensor` are drawn already.
+fn forced(random: &mut fastrand::Rng, kind: &str, case: &Case, place_m: f64, sensor: usize) -> Hidden {
+    let between = |random: &mut fastrand::Rng, a: f64, b: f64| a + (b - a) * random.f64();
+    let log = |random: &mut fastrand::Rng, a: f64, b: f64| a * (b / a).powf(random.f64());
+    let (period_s, rise_m) = (4.0 * case.length_m / case.wave_speed_m_s, case.joukowsky_m());
+    let flow = case.velocity_m_s * case.area_m2();
+    let later = |random: &mut fastrand::Rng| between(random, 1.5, 8.0) * period_s;
+    Hidden::Forced(match kind {
+        "second-pump" => Forced::SecondPump {
+            at_m: place_m,
+            flow_m3_s: flow * log(random, 0.02, 0.1),
+            from_s: later(random),
+            tau_s: period_s * log(random, 0.3, 2.0),
+            share: between(random, 0.1, 0.4),
+            hz: log(random, 0.3, 2.0) / period_s,
+        },
+        "valve-reopens" => {
+            let from_s = later(random);
+            Forced::ValveReopens {
+                share: log(random, 0.01, 0.08),
+                from_s,
+                until_s: from_s + between(random, 1.0, 6.0) * period_s,
+                ramp_s: period_s * between(random, 0.1, 0.5),
+            }
+        }
+        "relief-valve" => {
+            let over_m = rise_m * between(random, 0.25, 0.6);
+            let most = flow * log(random, 0.03, 0.15);
+            Forced::ReliefValve {
+                at_m: place_m,
+                above_m: case.valve_head_m + over_m,
+                root_c: most / (rise_m - over_m).sqrt(),
+            }
+        }
+        "swinging-check" => Forced::SwingingCheck {
+            loss: rise_m * log(random, 0.01, 0.03) / (flow * flow),
+            hz: log(random, 0.3, 2.0) / period_s,
+            damping: between(random, 0.1, 0.5),
+        },
+        "saturating-sensor" => Forced::SaturatingSensor {
+            sensor,
+            above_m: case.valve_head_m + rise_m * between(random, 0.1, 0.5),
+            share: between(random, 0.5, 0.9),
+        },
+        "nonlinear-wall" => {
+            Forced::NonlinearWall { by: log(random, 0.03, 0.15) * 9.81 / (2.0 * case.wave_speed_m_s.powi(2) * rise_m) }
+        }
+        "free-surface" => Forced::FreeSurface {
+            area_m2: flow * period_s / (rise_m * log(random, 0.05, 0.3)),
+            slosh_m: rise_m * log(random, 0.01, 0.05),
+            hz: log(random, 0.15, 1.5) / period_s,
+            decay_s: period_s * between(random, 2.0, 10.0),
+        },
+        "operators-hand" => {
+            let touches =
+                (0..3).map(|_| (later(random), log(random, 0.01, 0.06), period_s * between(random, 0.3, 2.0)));
+            Forced::OperatorsHand { touches: touches.collect() }
+        }
+        _ => return Hidden::Pulsation(rise_m * log(random, 0.01, 0.05), log(random, 1.0, 30.0)),
+    })
 }

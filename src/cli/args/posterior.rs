@@ -45,9 +45,6 @@ impl Sampling {
         fit: &mut Fit,
         options: &Options,
     ) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
-        if options.objective == Objective::Frequency {
-            return Ok(());
-        }
         let Some(wanted) = self.posterior else { return Ok(()) };
         let began = std::time::Instant::now();
         let bar = progress_bar();

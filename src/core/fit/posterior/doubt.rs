@@ -38,8 +38,8 @@ pub fn find_bounds(fit: &mut Fit) {
 }
 
 /// Says of each parameter of a fit why its interval is in doubt, if it is: sets
-/// [`FittedParameter::doubt`](crate::fit::outcome::fit::FittedParameter::doubt). Nothing is said of a fit that ended at
-/// no optimum.
+/// [`FittedParameter::doubt`](crate::fit::outcome::fit::FittedParameter::doubt). A fit that ended at no
+/// optimum gets none.
 ///
 /// # Errors
 /// As [`crate::fit::search::calibrate::refine`].
