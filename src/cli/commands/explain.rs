@@ -14,7 +14,7 @@ use crate::report::diagnosis::rest;
 use crate::shown::Shown as _;
 use crate::study::models;
 
-/// Find what would explain the rest that a model leaves, where no effect of the catalogue does.
+/// Find what would explain what no effect of the catalogue explains.
 ///
 /// The forcing that is missing is solved for without a shape given: a head of the supply against time, a flow at the
 /// valve or out of the pipe, a head added at a sensor, a strain of the wall. The places are ranked by evidence. The
