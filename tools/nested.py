@@ -19,7 +19,7 @@ from planned import done
 
 WORSE = 1.001
 EFFECTS = ["unsteady-friction", "entrained-gas", "vapour-cavity", "leak", "blockage", "section-change", "valve-law", "valve-seat-leak", "supply-drift",
-           "air-pocket", "moving-valve", "side-branch", "sensor-lag@P1", "sensor-lag@P2", "clock-skew@P2", "sensor-gain@P2"]
+           "inlet-jet", "air-pocket", "moving-valve", "side-branch", "sensor-lag@P1", "sensor-lag@P2", "clock-skew@P2", "sensor-gain@P2"]
 
 APART = {"unsteady-friction", "entrained-gas", "vapour-cavity"}
 

@@ -83,7 +83,7 @@ const BRANCH: Row = Row {
     ..PLACE
 };
 
-const TABLE: [Row; 24] = [
+const TABLE: [Row; 25] = [
     Row { case: "base model", ..ROW },
     Row {
         effect: "viscoelastic-wall:2",
@@ -151,6 +151,7 @@ const TABLE: [Row; 24] = [
     Row { effect: "valve-seat-leak", values: &[0.137], gone: &[0.0], faint: &[1e-12], ..VALVE },
     Row { effect: "valve-seat-leak/stroke", values: &[0.03], gone: &[0.0], faint: &[1e-12], ..VALVE },
     Row { effect: "supply-drift", values: &[5.0, 1.7], gone: &[0.0, 3.0], faint: &[1e-12, 3.0], ..ROW },
+    Row { effect: "inlet-jet", values: &[300.0, 0.4, 3.0], gone: &[0.0, 0.4, 0.0], faint: &[1e-12, 0.4, 1e-12], ..ROW },
     Row { effect: "air-pocket", values: &[20.0, 1.2], gone: &[0.0, 1.2], faint: &[1e-12, 1.2], ..ROW },
     Row {
         effect: "moving-valve",

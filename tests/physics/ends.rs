@@ -137,6 +137,64 @@ fn a_drift_of_the_supply_arrives_after_the_travel_time_and_doubles() {
     }
 }
 
+/// Without friction each return of a sudden wave to the supply is one quadratic (Contractor 1965): a shut pipe at rest
+/// has the head `h` over the supply's, of which a flow `q` out of it takes `B q + k q|q|`, and is left with `h - 2Bq`.
+#[test]
+fn losses_in_the_mouth_weaken_a_wave_at_each_return() {
+    let run = RunValues { closing_time_s: 0.0, ..RUN };
+    for (loss, ratio) in [(40.0, 0.0), (40.0, 1.0), (300.0, 0.3), (5e3, 2.0)] {
+        let trace = shown("inlet-jet", &[loss, ratio, 0.0], RAMP, &run, 0.0, 20, 6.0).unwrap();
+        let k = loss / (2.0 * G * AREA_M2 * AREA_M2);
+        let supply_m = RUN.valve_head_m + k * FLOW_M3_S * FLOW_M3_S;
+        let mut over_m = RUN.valve_head_m + JOUKOWSKY_M - supply_m;
+        for plateau in 0..11 {
+            let seen = trace.at(0.25 + 0.5 * f64::from(plateau)) - supply_m;
+            assert!((seen - over_m).abs() < 1e-7, "{loss} {ratio}, plateau {plateau}: {seen} {over_m}");
+            let k = if over_m > 0.0 { ratio * k } else { k };
+            let root = (IMPEDANCE * IMPEDANCE + 4.0 * k * over_m.abs()).sqrt();
+            over_m -= 2.0 * IMPEDANCE * 2.0 * over_m / (IMPEDANCE + root);
+        }
+    }
+}
+
+/// What the steady flow lost in pipe and mouth stands at the valve when all is still (Bernoulli).
+#[test]
+fn at_rest_the_supply_stands_higher_by_what_the_inlet_took() {
+    let (friction, loss) = (0.03, 200.0);
+    let trace = shown("inlet-jet", &[loss, 1.0, 0.1], ORIFICE, &RUN, friction, 20, 4000.0).unwrap();
+    let velocity_head_m = RUN.initial_velocity_m_s.powi(2) / (2.0 * G);
+    let exact = RUN.valve_head_m + (friction * LENGTH_M / DIAMETER_M + loss) * velocity_head_m;
+    // What still swings, swings about it.
+    let mean = (0..80).map(|i| trace.at(3999.0 + f64::from(i) / 80.0)).sum::<f64>() / 80.0;
+    assert!((mean - exact).abs() < 2e-3, "{mean} {exact}");
+}
+
+/// The water outside answers a wave `w` that arrives with `r = y - w`, `y' + (a/l) y = 2w'`: closed at first, open in
+/// the end. Integrated here by Runge and Kutta, up to the second return.
+#[test]
+fn the_water_outside_rounds_what_comes_back() {
+    let length_m = 5.0;
+    let stopped = |t: f64| JOUKOWSKY_M * 0.5 * (1.0 - (PI * (t / 0.2).clamp(0.0, 1.0)).cos());
+    let rate = |t: f64| if t > 0.2 { 0.0 } else { JOUKOWSKY_M * 0.5 * PI / 0.2 * (PI * t / 0.2).sin() };
+    let slope = |t: f64, y: f64| 2.0 * rate(t) - WAVE_SPEED_M_S / length_m * y;
+    let trace = shown("inlet-jet", &[0.0, 1.0, length_m], RAMP, &RUN, 0.0, 400, 1.0).unwrap();
+    let there_and_back = 2 * 400;
+    let (mut y, mut worst) = (0.0, 0.0f64);
+    for i in 0..800 {
+        let (t, dt) = (f64::from(i) * trace.dt_s, trace.dt_s);
+        let over_m = stopped(t + 0.5) + 2.0 * (y - stopped(t));
+        worst = worst.max((trace.values[(there_and_back + i) as usize] - RUN.valve_head_m - over_m).abs());
+        let k1 = slope(t, y);
+        let k2 = slope(t + dt / 2.0, y + dt / 2.0 * k1);
+        let k3 = slope(t + dt / 2.0, y + dt / 2.0 * k2);
+        let k4 = slope(t + dt, y + dt * k3);
+        y += dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4);
+    }
+    assert!(worst < 2e-4 * JOUKOWSKY_M, "{worst} of {JOUKOWSKY_M}");
+    let plain = shown("none", &[], RAMP, &RUN, 0.0, 400, 1.0).unwrap();
+    assert!((plain.at(0.6) - trace.at(0.6)).abs() > 0.02 * JOUKOWSKY_M, "the case shows the effect");
+}
+
 /// Before the first reflection the moving end is an oscillator damped by the waves it sends out:
 /// `u'' + (2ζω + ω² C B A) u' + ω² u = ω² C B ΔQ(t)`, integrated here by Runge and Kutta; `h = B (ΔQ - A u')`.
 #[test]
@@ -190,7 +248,7 @@ fn a_skewed_clock_and_a_wrong_gain_do_what_they_say() {
 
 #[test]
 fn values_that_cannot_be_are_refused_by_name() {
-    let cases: [(&str, &[f64], &str); 13] = [
+    let cases: [(&str, &[f64], &str); 16] = [
         ("valve-law", &[0.0, 0.5], "inflection_time_fraction"),
         ("valve-law", &[0.5, 1.2], "inflection_opening"),
         ("valve-law/power", &[0.0], "valve_exponent"),
@@ -198,6 +256,9 @@ fn values_that_cannot_be_are_refused_by_name() {
         ("valve-seat-leak/stroke", &[1.0], "residual_opening"),
         ("supply-drift", &[f64::NAN, 1.0], "supply_head_change_m"),
         ("supply-drift", &[1.0, 0.0], "supply_time_constant_s"),
+        ("inlet-jet", &[-1.0, 0.5, 0.1], "inlet_K"),
+        ("inlet-jet", &[1.0, -0.5, 0.1], "jet_ratio"),
+        ("inlet-jet", &[1.0, 0.5, f64::INFINITY], "jet_length_m"),
         ("moving-valve", &[0.0, 1e-3, 0.1], "valve_frequency_Hz"),
         ("moving-valve", &[10.0, -1e-3, 0.1], "valve_compliance_mm_per_m"),
         ("moving-valve", &[10.0, 1e-3, 0.0], "valve_damping_ratio"),

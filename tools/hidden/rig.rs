@@ -3,7 +3,7 @@
 use super::forcing::{self, Forced};
 
 /// Every kind of case.
-pub const KINDS: [&str; 18] = [
+pub const KINDS: [&str; 19] = [
     "nothing",
     "unknown",
     "viscoelastic-wall",
@@ -22,6 +22,7 @@ pub const KINDS: [&str; 18] = [
     "sensor-lag",
     "clock-skew",
     "sensor-gain",
+    "inlet-jet",
 ];
 
 /// What is in no pair: it changes the rig or the start model, or is no effect.
@@ -68,6 +69,9 @@ pub enum Hidden {
     Skew(usize, f64),
     /// Sensor, factor.
     Gain(usize, f64),
+    /// The supply's mouth: loss of the entering flow before the closure m, that of a leaving flow over it, length of the
+    /// water that moves outside m.
+    Mouth(f64, f64, f64),
     /// What no effect of the catalogue is.
     Forced(Forced),
 }
@@ -220,6 +224,11 @@ pub fn draw(
             between(random, 2.0, 6.0) / period_s,
             length_m * joukowsky_m * 9.81 / wave_speed_m_s.powi(2) * log(random, 0.02, 0.1),
             0.03,
+        ),
+        "inlet-jet" => Hidden::Mouth(
+            joukowsky_m * log(random, 0.03, 0.15),
+            between(random, 0.0, 1.0),
+            length_m * log(random, 0.001, 0.01),
         ),
         "side-branch" => Hidden::Branch(place_m, length_m * between(random, 0.03, 0.15)),
         "sensor-lag" => Hidden::Lag(which, log(random, 2.0, 15.0) / period_s),

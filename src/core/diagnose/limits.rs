@@ -13,6 +13,7 @@
 //! tempering.
 
 use crate::fit::numeric::least_squares::Limits;
+use crate::model::effects::CATALOGUE;
 
 // ---- The baseline: binned samples on a coarse grid -----------------------------------------------------------------
 
@@ -81,9 +82,9 @@ pub(crate) const MOST_MISSING: usize = 2;
 /// unknown.
 pub(crate) const TEMPERATURE: f64 = 4.0;
 /// Odds, before any data, that nothing is missing against any one effect. Derived: nothing is as probable as that one
-/// of the sixteen effects of the catalogue is missing.
-pub(crate) const PRIOR_ODDS_OF_NOTHING: f64 = 16.0;
-/// Least evidence for an effect to be worth having: the largest of sixteen searches by chance stays below. Derived in
+/// of the effects of the catalogue is missing.
+pub(crate) const PRIOR_ODDS_OF_NOTHING: f64 = CATALOGUE.len() as f64;
+/// Least evidence for an effect to be worth having: the largest of as many searches by chance stays below. Derived in
 /// principle; no calculation of the number is left.
 pub(crate) const LEAST_EVIDENCE: f64 = 12.0;
 /// Least that an effect must take away of the error over noise, in quadrature: less is not worth a model. Tuned: data

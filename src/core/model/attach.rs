@@ -37,7 +37,7 @@ pub(crate) fn attach(model: &Model, grid: Grid, shared: &[f64], scene: &Scene) -
             effect::Place::At(position_m) => {
                 by(&grid, Place { line: scenes[account].line, position_m }).into_iter().filter(|w| w.1 != 0.0).collect()
             }
-            effect::Place::Valve => Vec::new(),
+            effect::Place::Valve | effect::Place::Supply => Vec::new(),
         };
         attached.iter().zip(&accounts).map(of).collect()
     };
@@ -59,13 +59,20 @@ pub(crate) fn attach(model: &Model, grid: Grid, shared: &[f64], scene: &Scene) -
     for ((attachment, (shares, interpolated)), &account) in
         attached.iter().zip(shares.iter().zip(&interpolated)).zip(&accounts)
     {
-        let largest = shares.iter().max_by(|a, b| a.1.total_cmp(&b.1));
-        let nearest = largest.map_or(grid.segments.len() + graph.valve, |(node, _)| index_of(*node));
+        let end = |node: usize| vec![(grid.segments.len() + node, 1.0)];
+        let held = match attachment.place {
+            effect::Place::At(_) => shares.iter().map(|&(node, share)| (index_of(node), share)).collect(),
+            effect::Place::Valve => end(graph.valve),
+            effect::Place::Supply => end(graph.supply()),
+        };
+        let largest = held.iter().max_by(|a, b| a.1.total_cmp(&b.1));
+        let nearest = largest.map_or(grid.segments.len() + graph.valve, |(n, _)| *n);
         match (attachment.make)(&spots[nearest]) {
             Element::Loss(_) | Element::Drop(_) => {
-                for &(node, share) in shares {
-                    let s = index_of(node);
-                    let (overlap, impedance) = (Overlap::of(shares, share), grid.segments[s].impedance);
+                for (s, share) in held {
+                    let overlap = Overlap::of(shares, share);
+                    // At an end it stands alone, and meets nothing that it sent out.
+                    let impedance = grid.segments.get(s).map_or(1.0, |segment| segment.impedance);
                     match (attachment.make)(&Spot { share, ..spots[s] }) {
                         Element::Loss(loss) => {
                             nodes[s].losses.push(Loss::new(loss, overlap, impedance));

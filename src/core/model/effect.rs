@@ -34,6 +34,8 @@ pub enum Place {
     At(f64),
     /// At the pipe's end, before the valve.
     Valve,
+    /// Between the supply and the pipes that leave it.
+    Supply,
 }
 
 /// An element at a node.

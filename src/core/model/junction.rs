@@ -111,16 +111,26 @@ impl Junction<'_> {
         let (node, reached, outlet) = (&mut self.node, last.and(first), self.law.at(time_s));
         // Head, flow into the node, and what of it the elements leave.
         let drawn = node.taken_m3_s;
+        let into_supply = matches!(self.law, Law::Supply(_) | Law::Tank { .. });
+        // Elements of a supply stand before it.
+        let steady_m = [self.steady_m[0], self.steady_m[usize::from(into_supply)]];
+        let mut behind_m = None;
         let (head_m, inflow_m3_s, out_m3_s) = if node.is_plain() {
             let (head_m, flow) = outlet.solve(reached.z, reached.e - reached.z * drawn);
             (head_m, flow + drawn, flow + drawn)
         } else {
             let guess_m = self.last.head_m(state).or(self.first.head_m(state)).unwrap_or(0.0);
-            let solved = node.find(reached, |h| outlet.flow_at_m3_s(h), guess_m);
+            let solved = match outlet {
+                Outlet::Head(held_m) if node.shunts.is_empty() => {
+                    node.find_before(reached, held_m, reached.inflow_m3_s(guess_m))
+                }
+                _ => node.find(reached, |h| outlet.flow_at_m3_s(h), guess_m),
+            };
             if let Some(balance) = balance {
-                balance.node(self.index, node, &solved, [self.steady_m[0]; 2]);
+                balance.node(self.index, node, &solved, steady_m);
             }
             node.advance(&solved);
+            behind_m = Some(solved.right_head_m);
             (solved.left_head_m, solved.left_flow_m3_s, solved.right_flow_m3_s + drawn)
         };
         if let Law::Tank { head_m: level_m, inflow_m3_s, .. } = &mut self.law {
@@ -129,8 +139,7 @@ impl Junction<'_> {
         self.last.leave(state, head_m, if first.is_something() { last.inflow_m3_s(head_m) } else { inflow_m3_s });
         self.first.leave(state, head_m, if last.is_something() { first.inflow_m3_s(head_m) } else { inflow_m3_s });
         if let Some(balance) = balance {
-            let into_supply = matches!(self.law, Law::Supply(_) | Law::Tank { .. });
-            balance.leaves(into_supply, head_m - self.steady_m[0], out_m3_s);
+            balance.leaves(into_supply, behind_m.unwrap_or(head_m) - steady_m[1], out_m3_s);
         }
     }
 

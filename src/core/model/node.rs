@@ -338,6 +338,24 @@ impl Node {
         Solved { left_head_m: head + drop, left_flow_m3_s: left_flow, right_head_m: head, right_flow_m3_s: right_flow }
     }
 
+    /// The solution where losses alone stand before a given head, as [`Node::find`].
+    pub fn find_before(&self, left: Arriving, held_m: f64, guess_m3_s: f64) -> Solved {
+        // As a head `z Q`, for which the root's tolerances are made.
+        let balance = |x: f64| {
+            let drop = self.drop_m(x / left.z);
+            (x + drop.0 + held_m - left.e, 1.0 + drop.1 / left.z, drop)
+        };
+        let beyond = |drop: (f64, f64), step: f64| (drop.0 + drop.1 * step / left.z, drop.1);
+        let (x, (drop_m, _)) = root(balance, beyond, left.z * guess_m3_s);
+        let flow = x / left.z;
+        Solved {
+            left_head_m: held_m + drop_m,
+            left_flow_m3_s: flow,
+            right_head_m: held_m,
+            right_flow_m3_s: flow - self.taken_m3_s,
+        }
+    }
+
     /// The solution between two pipes, as [`Node::find`].
     #[inline]
     pub fn find_between(&self, left: Arriving, right: Arriving, guess_m: f64) -> Solved {

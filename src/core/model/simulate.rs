@@ -144,7 +144,7 @@ impl Model<'_> {
             valve_head_m: run.valve_head_m,
             start_m3_s: &line_m3_s,
         };
-        let Found { head_m, flow_m3_s: flows, at_m, link_m3_s } = before.settle(&mut nodes, &mut spread)?;
+        let Found { head_m, flow_m3_s: flows, at_m, behind_m, link_m3_s } = before.settle(&mut nodes, &mut spread)?;
         let at_graph = nodes[grid.segments.len()..].iter_mut().zip(&graph.nodes);
         at_graph.for_each(|(node, of)| node.taken_m3_s = of.kind.demand_m3_s());
         let starts = grid.segments.iter().map(|s| Place { line: s.line, position_m: s.start_m }).collect();
@@ -160,7 +160,7 @@ impl Model<'_> {
         let accounts = self.effects.iter().map(|c| c.effect.name().to_owned()).collect();
         let mut owners = Owners { accounts, nodes: owners, ..Owners::default() };
         let mut field = None;
-        let mut supply = self.base_supply(conditions, at_m[graph.supply()])?;
+        let mut supply = self.base_supply(conditions, behind_m[graph.supply()])?;
         let discharge_head_m = self.rig.valve.discharge_head_m;
         let (given_head, given_law) = match given {
             GivenEnd::Nothing => (None, None),
@@ -222,7 +222,7 @@ impl Model<'_> {
         let ends = grid.ends_at(graph);
         let laws = ends.iter().enumerate().map(|(n, [last, first])| {
             let sum = |of: &[usize]| of.iter().map(|&s| flows[s]).sum::<f64>();
-            let steady_m = [at_m[n], system.behind[n].map_or(at_m[n], |behind| at_m[behind])];
+            let steady_m = [at_m[n], system.behind[n].map_or(behind_m[n], |behind| at_m[behind])];
             (laws.of(n, sum(last) - sum(first)), steady_m)
         });
         let lines = Lines { steady: &steady, terms, field, nodes, laws: laws.collect(), spread };

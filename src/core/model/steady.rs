@@ -50,6 +50,8 @@ pub(crate) struct Found {
     pub flow_m3_s: Vec<f64>,
     /// Each head of the system, m.
     pub at_m: Vec<f64>,
+    /// The same behind what its node takes of the flow into it, m.
+    pub behind_m: Vec<f64>,
     /// Flow in each of its links, m³/s.
     pub link_m3_s: Vec<f64>,
 }
@@ -90,11 +92,20 @@ impl Given<'_> {
             head_m: vec![self.valve_head_m; grid.nodes()],
             flow_m3_s: vec![0.0; grid.segments.len()],
             at_m: vec![f64::NAN; system.network.held_m.len()],
+            behind_m: Vec::new(),
             link_m3_s: system.flows(&taken, self.start_m3_s, |k, q| self.loss(k, q, nodes))?,
         };
         self.heads(nodes, &mut found);
-        let elements = nodes[grid.segments.len()..].iter_mut().zip(&found.at_m);
-        elements.filter(|(_, head_m)| head_m.is_finite()).for_each(|(node, &head_m)| _ = node.settle(head_m, 0.0));
+        let mut inflow_m3_s = vec![0.0; found.at_m.len()];
+        for (own, line) in grid.lines.iter().zip(&system.graph.lines) {
+            inflow_m3_s[line.from] -= found.flow_m3_s[own.start];
+            inflow_m3_s[line.to] += found.flow_m3_s[own.end - 1];
+        }
+        found.behind_m.clone_from(&found.at_m);
+        let elements = nodes[grid.segments.len()..].iter_mut().zip(&mut found.behind_m).zip(&inflow_m3_s);
+        for ((node, head_m), &inflow) in elements.filter(|((_, head_m), _)| head_m.is_finite()) {
+            *head_m -= node.settle(*head_m, inflow).0 - *head_m;
+        }
         Ok(found)
     }
 

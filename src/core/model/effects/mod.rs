@@ -7,7 +7,7 @@
 //! | --- | --- |
 //! | [`Effect::reshape`] | the pipes, before the grid is laid |
 //! | [`Effect::line_terms`] | a term along the line, once a step for all nodes of a segment |
-//! | [`Effect::attachments`] | something at one place, or at the pipe's end before the valve |
+//! | [`Effect::attachments`] | something at one place, or at an end: before the valve, in the supply's mouth |
 //! | [`Effect::field`] with [`Effect::node_shunt`] | what takes water out of every node |
 //! | [`Effect::supply`], [`Effect::valve`] | the ends |
 //! | [`Effect::sense`] | what one sensor makes of the head |
@@ -16,6 +16,7 @@ pub(crate) mod air_pocket;
 pub(crate) mod blockage;
 pub(crate) mod clock_skew;
 pub(crate) mod entrained_gas;
+pub(crate) mod inlet_jet;
 pub(crate) mod leak;
 pub(crate) mod moving_valve;
 pub(crate) mod section_change;
@@ -49,6 +50,7 @@ pub static CATALOGUE: &[&dyn Effect] = &[
     &crate::model::effects::valve_law::ValveLaw,
     &crate::model::effects::valve_seat_leak::ValveSeatLeak,
     &crate::model::effects::supply_drift::SupplyDrift,
+    &crate::model::effects::inlet_jet::InletJet,
     &crate::model::effects::air_pocket::AirPocket,
     &crate::model::effects::moving_valve::MovingValve,
     &crate::model::effects::side_branch::SideBranch,
