@@ -225,6 +225,28 @@ fn fronts_are_those_of_the_exact_recursion() {
     }
 }
 
+/// Nothing takes energy here, and neither does the scheme: after hundreds of periods the head swings as in the first,
+/// where stress waves take a whole number of steps and where they do not.
+#[test]
+fn the_scheme_has_no_damping_of_its_own() {
+    let pipe = four_times_as_fast();
+    for reaches in [40, 37] {
+        for held in [[Held::Anchored, Held::Anchored], [Held::Anchored, Held::Free], [Held::Free, Held::Free]] {
+            let exact = Exact::new(pipe, held);
+            let (heads, _) = modelled(&exact, &[pipe.length], reaches, 400.0);
+            let rms = |part: &[f64]| (part.iter().map(|h| h * h).sum::<f64>() / part.len() as f64).sqrt();
+            let half = heads[0].len() / 2;
+            let kept = rms(&heads[0][half..]) / rms(&heads[0][..half]);
+            println!(
+                "{reaches} reaches, {}: {:.5}",
+                held.map(|h| h == Held::Free).map(u8::from).iter().sum::<u8>(),
+                kept
+            );
+            assert!((kept - 1.0).abs() < 2e-3, "{reaches} reaches: {kept}");
+        }
+    }
+}
+
 /// Between whole numbers the delay of stress waves disperses their fronts over a few steps; plateaus stay exact.
 #[test]
 fn plateaus_of_problem_a_are_those_of_the_exact_recursion() {
