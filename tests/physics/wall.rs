@@ -269,7 +269,7 @@ fn plateaus_of_problem_a_are_those_of_the_exact_recursion() {
     println!(
         "problem A: {counted} steps on plateaus, worst {:.1e} of the rise; rms {:.1e}",
         worst / rise,
-        (square / own as f64).sqrt()
+        f64::sqrt(square / own)
     );
     assert!(counted > 300 && worst < 2e-3 * rise, "{counted} {}", worst / rise);
     // The beat of a free valve: the first rise is well below Joukowsky's, the highest above it.

@@ -16,10 +16,10 @@ mod tests {
     fn it_goes_from_a_half_to_one_without_a_jump() {
         assert_eq!((theta(0.0), theta(f64::INFINITY)), (0.5, 1.0));
         assert!((theta(1e-3) - theta(1e-3 - 1e-9)).abs() < 1e-9);
-        for r in [0.01, 0.5, 3.0] {
+        for r in [0.01f64, 0.5, 3.0] {
             // y' = -k y: y⁺ (1 + θ r) = y (1 - (1 - θ) r).
             let left = (1.0 - (1.0 - theta(r)) * r) / (1.0 + theta(r) * r);
-            assert!((left - (-r as f64).exp()).abs() < 1e-12, "{r}");
+            assert!((left - (-r).exp()).abs() < 1e-12, "{r}");
         }
     }
 }

@@ -349,7 +349,7 @@ mod tests {
     /// Delft Hydraulics' benchmark problem A: Tijsseling (2003) gives 1024.7 and 5280.5 m/s.
     #[test]
     fn speeds_of_the_two_waves_are_the_published_ones() {
-        let still = (1000.0 * (1.0 / 2.1e9 + (1.0 - 0.09) * 0.797 / (0.008 * 2.1e11)) as f64).sqrt().recip();
+        let still = f64::sqrt(1000.0 * (1.0 / 2.1e9 + (1.0 - 0.09) * 0.797 / (0.008 * 2.1e11))).recip();
         let (ct2, r, ratio) = (2.1e11 / 7900.0, 1.0 / 7.9, 0.797 / 0.008);
         let both = still * still + ct2 + 2.0 * 0.09 * r * 0.5 * ratio * still * still;
         let slow = (0.5 * (both - (both * both - 4.0 * still * still * ct2).sqrt())).sqrt();
