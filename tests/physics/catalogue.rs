@@ -83,7 +83,7 @@ const BRANCH: Row = Row {
     ..PLACE
 };
 
-const TABLE: [Row; 25] = [
+const TABLE: [Row; 27] = [
     Row { case: "base model", ..ROW },
     Row {
         effect: "viscoelastic-wall:2",
@@ -158,6 +158,22 @@ const TABLE: [Row; 25] = [
         values: &[7.0, 0.3, 0.05],
         gone: &[20.0, 0.0, 0.05],
         faint: &[20.0, 1e-12, 0.05],
+        ..ROW
+    },
+    Row {
+        effect: "fluid-structure",
+        values: &[0.4, 1130.0, 0.5],
+        gone: &[0.0, 1130.0, 0.0],
+        faint: &[1e-12, 1130.0, 1e-12],
+        ..ROW
+    },
+    // It sticks and slides from step to step.
+    Row {
+        effect: "fluid-structure/dry",
+        values: &[0.4, 1130.0, 0.5, 3.0],
+        gone: &[0.0, 1130.0, 0.0, 3.0],
+        faint: &[1e-12, 1130.0, 1e-12, 3.0],
+        order: 1.0,
         ..ROW
     },
     Row { effect: "sensor-lag", values: &[0.05, 0.4], gone: &[0.0, 1.0], faint: &[1e-11, 1.0], ..ROW },

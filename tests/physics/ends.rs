@@ -248,7 +248,7 @@ fn a_skewed_clock_and_a_wrong_gain_do_what_they_say() {
 
 #[test]
 fn values_that_cannot_be_are_refused_by_name() {
-    let cases: [(&str, &[f64], &str); 16] = [
+    let cases: [(&str, &[f64], &str); 20] = [
         ("valve-law", &[0.0, 0.5], "inflection_time_fraction"),
         ("valve-law", &[0.5, 1.2], "inflection_opening"),
         ("valve-law/power", &[0.0], "valve_exponent"),
@@ -262,6 +262,10 @@ fn values_that_cannot_be_are_refused_by_name() {
         ("moving-valve", &[0.0, 1e-3, 0.1], "valve_frequency_Hz"),
         ("moving-valve", &[10.0, -1e-3, 0.1], "valve_compliance_mm_per_m"),
         ("moving-valve", &[10.0, 1e-3, 0.0], "valve_damping_ratio"),
+        ("fluid-structure", &[0.7, 1200.0, 1.0], "wall_poisson_ratio"),
+        ("fluid-structure", &[0.4, 410.0, 1.0], "stress_wave_speed_m_s"),
+        ("fluid-structure", &[0.4, 1200.0, -1.0], "valve_give_mm_per_m"),
+        ("fluid-structure/dry", &[0.4, 1200.0, 1.0, -1.0], "dry_friction_m"),
         ("sensor-lag", &[-1.0, 1.0], "lag_time_s"),
         ("clock-skew", &[f64::NAN], "clock_skew_s"),
         ("sensor-gain", &[-1.0], "gain_error"),

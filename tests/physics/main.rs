@@ -11,6 +11,7 @@ mod network;
 mod own;
 mod place;
 mod unsteady_friction;
+mod wall;
 
 use exact::{Exact, Ramp, Shear};
 use surgescope_core::model::boundary::Closure;

@@ -3,7 +3,7 @@
 use super::forcing::{self, Forced};
 
 /// Every kind of case.
-pub const KINDS: [&str; 19] = [
+pub const KINDS: [&str; 20] = [
     "nothing",
     "unknown",
     "viscoelastic-wall",
@@ -23,10 +23,12 @@ pub const KINDS: [&str; 19] = [
     "clock-skew",
     "sensor-gain",
     "inlet-jet",
+    "fluid-structure",
 ];
 
 /// What is in no pair: it changes the rig or the start model, or is no effect.
-const ALONE: [&str; 5] = ["nothing", "unknown", "viscoelastic-wall", "unsteady-friction", "vapour-cavity"];
+const ALONE: [&str; 6] =
+    ["nothing", "unknown", "viscoelastic-wall", "unsteady-friction", "vapour-cavity", "fluid-structure"];
 
 /// What may be one of a pair.
 pub fn paired() -> impl Iterator<Item = &'static str> {
@@ -72,6 +74,9 @@ pub enum Hidden {
     /// The supply's mouth: loss of the entering flow before the closure m, that of a leaving flow over it, length of the
     /// water that moves outside m.
     Mouth(f64, f64, f64),
+    /// A wall that moves: Poisson's ratio, speed of stress waves in a bar of it m/s, density over that of water, travel
+    /// of the valve's spring m per m of head.
+    Wall(f64, f64, f64, f64),
     /// What no effect of the catalogue is.
     Forced(Forced),
 }
@@ -149,7 +154,7 @@ pub fn draw(
     let log = |random: &mut fastrand::Rng, a: f64, b: f64| a * (b / a).powf(random.f64());
     let plastic = match kind {
         "viscoelastic-wall" => true,
-        "vapour-cavity" | "unknown" => false,
+        "vapour-cavity" | "unknown" | "fluid-structure" => false,
         _ => random.bool(),
     } || always_plastic;
     let (material, lowest, highest, compliance) = if plastic {
@@ -230,6 +235,13 @@ pub fn draw(
             between(random, 0.0, 1.0),
             length_m * log(random, 0.001, 0.01),
         ),
+        "fluid-structure" => {
+            let (poisson, modulus_pa, density) =
+                if material == "copper" { (0.34, 120e9, 8930.0) } else { (0.3, 206e9, 7850.0) };
+            let give = 9.81 * length_m / wave_speed_m_s.powi(2) * log(random, 0.02, 10.0);
+            let speed = (modulus_pa * between(random, 0.95, 1.05) / density).sqrt();
+            Hidden::Wall(poisson, speed, density / 1000.0, give)
+        }
         "side-branch" => Hidden::Branch(place_m, length_m * between(random, 0.03, 0.15)),
         "sensor-lag" => Hidden::Lag(which, log(random, 2.0, 15.0) / period_s),
         "clock-skew" => Hidden::Skew(which, sign * period_s * log(random, 0.01, 0.05)),

@@ -21,6 +21,61 @@ struct Line {
     cavity_m3: Vec<f64>,
 }
 
+/// The wall: speed `u` at the faces and stress as a head `s` at the nodes, leapfrogging beside flow and head; the end
+/// carries the valve on a spring.
+struct Wall {
+    poisson: f64,
+    /// Head of stress per strain of a head of water, `ν D/2e`.
+    hoop: f64,
+    /// `g ρ/ρ_wall`, and `ct²` over it.
+    by_stress: f64,
+    by_strain: f64,
+    /// Push of the water per head, and of the spring per travel, on the wall.
+    push: f64,
+    spring: f64,
+    speed_m_s: Vec<f64>,
+    stress_m: Vec<f64>,
+    travel_m: f64,
+}
+
+impl Wall {
+    /// Of a case, with the speed of pressure waves in a wall that nothing moves, and how many steps stress waves ask of
+    /// one of pressure waves.
+    fn of(case: &Case, nodes: usize) -> Option<(Wall, f64, usize)> {
+        let wall = |h: &Hidden| {
+            if let Hidden::Wall(nu, ct, density, give) = *h { Some((nu, ct, density, give)) } else { None }
+        };
+        let (poisson, ct, density, give) = case.find(wall)?;
+        let (ratio, a2) = (case.diameter_m / case.wall_m, case.wave_speed_m_s.powi(2));
+        // (c² - a²)(ct² - a²) = 2ν² (ρ/ρ_wall)(D/2e) c² a², solved for c.
+        let coupled = poisson * poisson * ratio * a2 / (density * (ct * ct - a2));
+        let still_m_s = (a2 / (1.0 - coupled)).sqrt();
+        let fast_m_s = still_m_s * ct / case.wave_speed_m_s;
+        let wall = Wall {
+            poisson,
+            hoop: 0.5 * poisson * ratio,
+            by_stress: G / density,
+            by_strain: ct * ct * density / G,
+            push: 0.25 * ratio,
+            spring: 0.25 * ratio / give,
+            speed_m_s: vec![0.0; nodes],
+            stress_m: vec![0.0; nodes + 1],
+            travel_m: 0.0,
+        };
+        Some((wall, still_m_s, (1.1 * fast_m_s / case.wave_speed_m_s).ceil() as usize))
+    }
+
+    /// Mean rate of the end over a step in which its head deviates from `before` to `after`.
+    fn end_rate(&self, before: f64, after: f64, step_m: f64, dt: f64) -> f64 {
+        let stiffness = 2.0 * self.by_strain / step_m;
+        let last = self.speed_m_s.len();
+        let known =
+            self.push * after - self.spring * self.travel_m - self.stress_m[last] - self.hoop * (after - before)
+                + dt * stiffness * self.speed_m_s[last - 1];
+        known / (dt * (self.spring + stiffness))
+    }
+}
+
 /// Heads at places, m, every step from the start of the closure.
 pub struct Solved {
     pub dt_s: f64,
@@ -55,13 +110,17 @@ fn solve_on(case: &Case, velocity_m_s: f64, duration_s: f64, nodes: usize) -> So
     let fast = |x: f64| if x >= from && x < to { case.wave_speed_m_s * ratio } else { case.wave_speed_m_s };
     // Reaches are even in travel time; the section's ends move to the nearest node.
     let travel_s = (case.length_m - (to - from)) / case.wave_speed_m_s + (to - from) / (case.wave_speed_m_s * ratio);
-    let dt = travel_s / nodes as f64;
+    let wall = Wall::of(case, nodes);
+    let (still_m_s, parts) = wall.as_ref().map_or((case.wave_speed_m_s, 1), |(_, still, parts)| (*still, *parts));
+    let mut wall = wall.map(|(wall, ..)| wall);
+    let dt = travel_s / (nodes * parts) as f64;
     let (mut step_m, mut speed_m_s, mut x) = (Vec::new(), Vec::new(), 0.0);
     for _ in 0..nodes {
-        let a = fast(x + 0.5 * case.wave_speed_m_s * dt);
-        step_m.push(a * dt);
-        speed_m_s.push(a);
-        x += a * dt;
+        let reach_s = dt * parts as f64;
+        let a = fast(x + 0.5 * case.wave_speed_m_s * reach_s);
+        step_m.push(a * reach_s);
+        speed_m_s.push(a * still_m_s / case.wave_speed_m_s);
+        x += a * reach_s;
     }
     let stretch = case.length_m / x;
     step_m.iter_mut().for_each(|s| *s *= stretch);
@@ -233,6 +292,11 @@ fn solve_on(case: &Case, velocity_m_s: f64, duration_s: f64, nodes: usize) -> So
             }
             line.flow_m3_s[i] = new * area;
         }
+        if let Some(wall) = &mut wall {
+            for (i, u) in wall.speed_m_s.iter_mut().enumerate() {
+                *u += dt * wall.by_stress * (wall.stress_m[i + 1] - wall.stress_m[i]) / line.step_m[i];
+            }
+        }
         for i in 0..branch_cells {
             let root = if i == 0 { line.head_m[branch_at] } else { branch.0[i] };
             branch.1[i] += G * area * dt / (case.wave_speed_m_s * dt) * (root - branch.0[i + 1]);
@@ -288,6 +352,16 @@ fn solve_on(case: &Case, velocity_m_s: f64, duration_s: f64, nodes: usize) -> So
             };
             let strained = |h: f64| forced.as_ref().map_or(0.0, |f| f.strain(h - rest));
             let old_strain = strained(old);
+            // What the wall's speed takes in: Poisson's contraction, and at its end the valve that it carries.
+            let taken = |h: f64| match &wall {
+                None => 0.0,
+                Some(wall) => {
+                    let u = &wall.speed_m_s;
+                    let right = if end { wall.end_rate(deviation, h - rest, line.step_m[i - 1], dt) } else { u[i] };
+                    let moved = if end { right } else { 0.0 };
+                    area * (moved - 2.0 * wall.poisson * (right - u[i - 1]))
+                }
+            };
             let old_gas = gas(i, old);
             let balance = |h: f64| {
                 let mid = 0.5 * (h + old);
@@ -300,7 +374,7 @@ fn solve_on(case: &Case, velocity_m_s: f64, duration_s: f64, nodes: usize) -> So
                 if leak_k > 0.0 && i == leak_at {
                     out += leak_k * mid.abs().sqrt() * mid.signum();
                 }
-                out += relieved(mid);
+                out += relieved(mid) + taken(h);
                 (store + branch_store) * (h - old) + old_gas - gas(i, h)
                     + 2.0 * area * own * (known + grows * (h - rest) + strained(h) - old_strain)
                     - dt * (inflow - out)
@@ -332,6 +406,18 @@ fn solve_on(case: &Case, velocity_m_s: f64, duration_s: f64, nodes: usize) -> So
             }
             for (strain, (e, p1, p0)) in line.strains[i].iter_mut().zip(&creep) {
                 *strain = *strain * e + p1 * (h - rest) + p0 * deviation;
+            }
+            if let Some(wall) = &mut wall {
+                let (before, after) = (deviation, h - rest);
+                let right = if end { wall.end_rate(before, after, line.step_m[i - 1], dt) } else { wall.speed_m_s[i] };
+                let gradient = (right - wall.speed_m_s[i - 1]) / own;
+                wall.stress_m[i] += dt * wall.by_strain * gradient + wall.hoop * (after - before);
+                if end {
+                    wall.travel_m += dt * right;
+                } else if i == 1 {
+                    // The supply's end does not move.
+                    wall.stress_m[0] += dt * wall.by_strain * wall.speed_m_s[0] / (0.5 * line.step_m[0]);
+                }
             }
             let mid = 0.5 * (h + old);
             of_step += relieved(mid) - fed + if end { touched * through(mid) + strained(h) } else { 0.0 };
@@ -508,6 +594,24 @@ mod tests {
             over_m -= 2.0 * speed * out;
         }
         assert!(over_m.abs() < 0.9 * case.joukowsky_m(), "the case shows the loss: {over_m}");
+    }
+
+    /// A wall whose valve is held by next to nothing: water and wall stop each other as their impedances say, and the
+    /// head ahead of the pressure wave's return is that of the wall's first echo.
+    #[test]
+    fn a_wall_that_moves_answers_as_its_impedance_says() {
+        let hidden = Hidden::Wall(1e-6, 1500.0, 2.0, 1e6);
+        let moving = Case { wall_m: 0.025, ..case(Some(hidden), Vec::new()) };
+        let solved = solve(&moving, moving.velocity_m_s, 1.0);
+        // ρ A a (V - u) = ρ A g h and A ρ g h = ρ_w A_w ct u, until the wall's echo is back after 2L/ct.
+        let mass = 2.0 * 4.0 * moving.wall_m / moving.diameter_m;
+        let share = 1.0 / (1.0 + 400.0 / (mass * 1500.0));
+        let seen = (at(&solved, 0.1) - moving.valve_head_m) / moving.joukowsky_m();
+        assert!((seen / share - 1.0).abs() < 0.02, "{seen} against {share}");
+        // Anchored at the supply, the wall pulls back: what it moves after two more travel times is the negative.
+        let back = share + 2.0 * (1.0 - share) * share;
+        let seen = (at(&solved, 0.2) - moving.valve_head_m) / moving.joukowsky_m();
+        assert!((seen - back).abs() < 0.02, "{seen} against {back}");
     }
 
     #[test]

@@ -10,6 +10,7 @@ use crate::model::parameter::Parameter;
 use crate::model::scene::{Scene, Site, Spot};
 use crate::model::steady::Steady;
 use crate::model::trace::Trace;
+use crate::model::wall_waves::WallWaves;
 use crate::rig::Rig;
 
 /// Prior odds of an effect that a record shows by itself: the chance that something else looks like it is one in so
@@ -184,6 +185,14 @@ pub trait Effect: Sync {
     fn node_shunt(&self, values: &[f64], scene: &Scene, spot: &Spot) -> Option<Box<dyn Shunt>> {
         let _ = (values, scene, spot);
         None
+    }
+    /// Stress waves in the wall of a pipe that may move.
+    ///
+    /// # Errors
+    /// See [`Effect::reshape`].
+    fn wall_waves(&self, values: &[f64], scene: &Scene, steady: &Steady) -> Result<Option<WallWaves>, ModelError> {
+        let _ = (values, scene, steady);
+        Ok(None)
     }
     /// The supply, given the one without this effect.
     ///

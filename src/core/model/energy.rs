@@ -33,6 +33,8 @@ pub struct Owners {
     pub terms: Vec<usize>,
     /// Of the node field.
     pub field: Option<usize>,
+    /// Of the stress waves in the wall.
+    pub wall: Option<usize>,
     /// Of the elements at the nodes: behind each segment, then at those of the graph.
     pub nodes: Vec<NodeOwners>,
 }
@@ -204,6 +206,13 @@ impl<'a> Balance<'a> {
     /// Adds what an element over several joints takes from them; `head_m` is their head deviation, interpolated at it.
     pub fn spread(&mut self, one: &Spread, head_m: f64) {
         self.row[EFFECTS + one.owner] += self.weight * head_m * one.flow_m3_s;
+    }
+
+    /// Adds what pressure waves bring to an end of head deviation `h` less what goes on there: the wall takes it.
+    pub fn wall(&mut self, (h, flow_m3_s): (f64, f64), (on_m, on_m3_s): (f64, f64)) {
+        if let Some(owner) = self.owners.wall {
+            self.row[EFFECTS + owner] += self.weight * (h * flow_m3_s - on_m * on_m3_s);
+        }
     }
 
     /// Adds what leaves the pipes at a node of head deviation `h`: into a supply, or else by a valve and as demand.

@@ -12,6 +12,10 @@ pub enum ModelError {
          least {needed} (option `set` reaches={needed} of a simulation, option `most_reaches` {needed} of a fit)"
     )]
     TooFewReaches { reaches: usize, needed: usize },
+    #[error(
+        "effect '{effect}' is written for a rig of one uniform pipe: leave it out, or describe the rig as one pipe"
+    )]
+    OnePipe { effect: String },
     #[error("{name} = {} is outside its physical range ({allowed})", number(*value))]
     Value { name: String, value: f64, allowed: &'static str },
     #[error("unknown effect '{name}'; did you mean '{nearest}'? Known are: {known}")]

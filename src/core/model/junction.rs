@@ -10,6 +10,7 @@ use crate::model::energy::Balance;
 use crate::model::node::{Arriving, Node};
 use crate::model::passage::Passage;
 use crate::model::state::State;
+use crate::model::wall_waves::WallEnd;
 
 /// What is at a node.
 pub enum Law {
@@ -103,12 +104,21 @@ pub(crate) struct Junction<'a> {
 impl Junction<'_> {
     /// Solves the node at the new time and sends the waves back into its lines.
     #[inline(always)]
-    pub(crate) fn step(&mut self, state: &mut State, (time_s, dt_s): (f64, f64), balance: &mut Option<&mut Balance>) {
+    pub(crate) fn step(
+        &mut self,
+        state: &mut State,
+        (time_s, dt_s): (f64, f64),
+        mut wall: Option<&mut WallEnd>,
+        balance: &mut Option<&mut Balance>,
+    ) {
         let (last, first) = (self.last.arriving(state), self.first.arriving(state));
         if let (Law::Passage(_), true) = (&self.law, first.is_something()) {
             return self.pass(state, (last, first), (time_s, dt_s), balance);
         }
-        let (node, reached, outlet) = (&mut self.node, last.and(first), self.law.at(time_s));
+        let (node, mut reached, outlet) = (&mut self.node, last.and(first), self.law.at(time_s));
+        if let Some(wall) = &mut wall {
+            reached = wall.meets(reached);
+        }
         // Head, flow into the node, and what of it the elements leave.
         let drawn = node.taken_m3_s;
         let into_supply = matches!(self.law, Law::Supply(_) | Law::Tank { .. });
@@ -136,10 +146,22 @@ impl Junction<'_> {
         if let Law::Tank { head_m: level_m, inflow_m3_s, .. } = &mut self.law {
             (*level_m, *inflow_m3_s) = (head_m, out_m3_s);
         }
+        let behind_m = behind_m.unwrap_or(head_m);
+        let (head_m, inflow_m3_s) = match wall {
+            Some(wall) => {
+                let of_line = wall.leaves(inflow_m3_s);
+                if let Some(balance) = balance {
+                    let deviation = |(at_m, flow): (f64, f64)| (at_m - steady_m[0], flow);
+                    balance.wall(deviation(of_line), deviation((head_m, inflow_m3_s)));
+                }
+                of_line
+            }
+            None => (head_m, inflow_m3_s),
+        };
         self.last.leave(state, head_m, if first.is_something() { last.inflow_m3_s(head_m) } else { inflow_m3_s });
         self.first.leave(state, head_m, if last.is_something() { first.inflow_m3_s(head_m) } else { inflow_m3_s });
         if let Some(balance) = balance {
-            balance.leaves(into_supply, behind_m.unwrap_or(head_m) - steady_m[1], out_m3_s);
+            balance.leaves(into_supply, behind_m - steady_m[1], out_m3_s);
         }
     }
 

@@ -15,6 +15,7 @@ pub mod effects;
 pub(crate) mod end;
 pub mod energy;
 pub mod error;
+pub(crate) mod fitted;
 pub mod friction;
 pub mod gas;
 pub mod grid;
@@ -48,6 +49,7 @@ pub mod stop;
 pub mod trace;
 pub(crate) mod unsteady_kernels;
 pub mod valve_from_head;
+pub mod wall_waves;
 
 pub use crate::model::definition::{Model, check_places};
 pub use crate::model::error::ModelError;

@@ -159,7 +159,7 @@ impl Model<'_> {
         let mut terms = Vec::new();
         let accounts = self.effects.iter().map(|c| c.effect.name().to_owned()).collect();
         let mut owners = Owners { accounts, nodes: owners, ..Owners::default() };
-        let mut field = None;
+        let (mut field, mut wall) = (None, None);
         let mut supply = self.base_supply(conditions, behind_m[graph.supply()])?;
         let discharge_head_m = self.rig.valve.discharge_head_m;
         let (given_head, given_law) = match given {
@@ -202,6 +202,10 @@ impl Model<'_> {
                 field = Some(own);
                 owners.field = Some(account);
             }
+            if let Some(own) = chosen.effect.wall_waves(values, &scene, &steady)? {
+                wall = Some(own);
+                owners.wall = Some(account);
+            }
             supply = chosen.effect.supply(values, supply)?;
             if let Some(valve) = valves.get_mut(&chosen.valve(self.rig)) {
                 chosen.effect.valve(values, valve)?;
@@ -225,7 +229,7 @@ impl Model<'_> {
             let steady_m = [at_m[n], system.behind[n].map_or(behind_m[n], |behind| at_m[behind])];
             (laws.of(n, sum(last) - sum(first)), steady_m)
         });
-        let lines = Lines { steady: &steady, terms, field, nodes, laws: laws.collect(), spread };
+        let lines = Lines { steady: &steady, terms, field, wall, nodes, laws: laws.collect(), spread };
         let owners = with_energy.then_some(owners);
         let (traces, energy) = lines.run(graph, steps, probes, owners).map_err(|error| self.named(error))?;
         Ok(Simulated { traces, energy, starts, flows_m3_s: flows })

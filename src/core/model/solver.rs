@@ -13,6 +13,7 @@ use crate::model::state::{LineTerms, Reading, State};
 use crate::model::steady::Steady;
 use crate::model::stop::Heeded;
 use crate::model::trace::{Probe, Trace};
+use crate::model::wall_waves::WallWaves;
 use crate::rig::{Graph, Place};
 use crate::wide::widened;
 
@@ -24,6 +25,8 @@ pub struct Lines<'a> {
     pub terms: Vec<Box<dyn LineTerm>>,
     /// Takes water out of every node.
     pub field: Option<Box<dyn NodeField>>,
+    /// Stress waves in the wall.
+    pub wall: Option<WallWaves>,
     /// Elements behind each segment, then those at the nodes of the graph.
     pub nodes: Vec<Node>,
     /// The law of each node of the graph, and its heads before the closure ([`Junction`]).
@@ -37,6 +40,7 @@ struct Stepped<'a> {
     steady: &'a Steady<'a>,
     terms: Vec<Box<dyn LineTerm>>,
     field: Option<Box<dyn NodeField>>,
+    wall: Option<WallWaves>,
     joints: Joints<'a>,
     junctions: Vec<Junction<'a>>,
 }
@@ -62,6 +66,9 @@ impl<'a> Lines<'a> {
         let mut traces: Vec<Trace> = readings.iter().map(|_| Trace::with_capacity(grid.dt_s, steps + 1)).collect();
         state.read(&mut traces, &readings);
         march(&mut lines, &mut state, steps, &readings, &mut traces, &mut balance)?;
+        if let Some(wall) = lines.wall {
+            wall.show(probes, &mut traces);
+        }
         Ok((traces, balance.map(Balance::close)))
     }
 
@@ -119,7 +126,7 @@ impl<'a> Lines<'a> {
 
     /// Resolves the ends of all segments, once for all steps.
     fn stepped(self, graph: &Graph, state: &State) -> Stepped<'a> {
-        let Lines { steady, terms, field, mut nodes, laws, mut spread } = self;
+        let Lines { steady, terms, field, wall, mut nodes, laws, mut spread } = self;
         let grid = steady.grid;
         let mut at_graph = nodes.split_off(grid.segments.len());
         // The last segment of a line has no joint behind it.
@@ -138,7 +145,7 @@ impl<'a> Lines<'a> {
             index: grid.segments.len() + n,
             steady_m,
         });
-        Stepped { steady, terms, field, joints, junctions: junctions.collect() }
+        Stepped { steady, terms, field, wall, joints, junctions: junctions.collect() }
     }
 }
 
@@ -189,8 +196,12 @@ impl Stepped<'_> {
         let grid = self.steady.grid;
         state.pass_late();
         // The ends first: what they store one by one is long settled when the next step loads it in wide registers.
-        for junction in &mut self.junctions {
-            junction.step(state, (time_s, grid.dt_s), &mut balance);
+        for (n, junction) in self.junctions.iter_mut().enumerate() {
+            let wall = self.wall.as_mut().and_then(|wall| wall.at(n));
+            junction.step(state, (time_s, grid.dt_s), wall, &mut balance);
+        }
+        if let Some(wall) = &mut self.wall {
+            wall.turn();
         }
         self.joints.step(state, &mut balance);
         for (s, segment) in grid.segments.iter().enumerate().filter(|(_, segment)| segment.reaches > 1) {

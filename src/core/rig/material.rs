@@ -5,7 +5,7 @@
 //! Thorley, *Fluid Transients in Pipeline Systems* (2004) for moduli and Poisson's ratios of pipes; for plastics under
 //! water hammer Covas et al. (2004, J. Hydraul. Res. 42(5); PE: J₀ 0.70 1/GPa, ν 0.46) and Soares et al. (2008, J.
 //! Hydraul. Eng. 134(9); PVC); for PPR the data sheets of pipe makers (0.8–0.9 GPa slow) and the wave speeds of 410–470
-//! m/s in the rig of `rigs/paper-ppr.toml`; roughnesses of new pipes after Moody (1944) and makers' data. They are
+//! m/s in the rig of `rigs/paper-ppr.toml`; roughnesses of new pipes after Moody (1944) and makers' data; densities after makers' data sheets. They are
 //! starts and bounds, not measurements of your pipe.
 
 /// What is known of a wall material before any test.
@@ -21,6 +21,8 @@ pub struct Material {
     pub youngs_modulus_range_pa: [f64; 2],
     /// Poisson's ratio.
     pub poisson_ratio: f64,
+    /// Density, kg/m³.
+    pub density_kg_m3: f64,
     /// Roughness of a new pipe, m; a hint, the solver takes a pipe as smooth unless its file says otherwise.
     pub roughness_m: f64,
     /// Does the wall creep noticeably within a water-hammer test?
@@ -67,16 +69,17 @@ const fn plastic(
     aliases: &'static [&'static str],
     youngs_gpa: [f64; 3],
     poisson_ratio: f64,
+    density_kg_m3: f64,
 ) -> Material {
-    material(name, aliases, youngs_gpa, poisson_ratio, 0.0015, true)
+    material(name, aliases, youngs_gpa, [poisson_ratio, density_kg_m3], 0.0015, true)
 }
 
-/// `youngs_gpa` is `[lo, typical, hi]`.
+/// `youngs_gpa` is `[lo, typical, hi]`, `poisson_and_density` Poisson's ratio and kg/m³.
 const fn material(
     name: &'static str,
     aliases: &'static [&'static str],
     youngs_gpa: [f64; 3],
-    poisson_ratio: f64,
+    poisson_and_density: [f64; 2],
     roughness_mm: f64,
     viscoelastic: bool,
 ) -> Material {
@@ -85,7 +88,8 @@ const fn material(
         aliases,
         youngs_modulus_pa: youngs_gpa[1] * 1e9,
         youngs_modulus_range_pa: [youngs_gpa[0] * 1e9, youngs_gpa[2] * 1e9],
-        poisson_ratio,
+        poisson_ratio: poisson_and_density[0],
+        density_kg_m3: poisson_and_density[1],
         roughness_m: roughness_mm * 1e-3,
         viscoelastic,
     }
@@ -93,29 +97,29 @@ const fn material(
 
 /// Every material that a rig file may name.
 pub static MATERIALS: [Material; 23] = [
-    plastic("HDPE", &["PE-HD", "PE100", "PE-100"], [0.5, 1.4, 3.0], 0.46),
-    plastic("MDPE", &["PE-MD", "PE80", "PE-80"], [0.4, 1.1, 2.5], 0.46),
-    plastic("LDPE", &["PE-LD"], [0.1, 0.3, 1.0], 0.46),
-    plastic("PE", &["polyethylene"], [0.3, 1.3, 3.0], 0.46),
-    plastic("PEX", &["PE-X"], [0.3, 0.8, 2.0], 0.46),
-    plastic("PPR", &["PP-R"], [0.5, 1.1, 2.5], 0.42),
-    plastic("PP", &["polypropylene", "PP-H", "PPH"], [0.6, 1.4, 3.0], 0.42),
-    plastic("PB", &["polybutylene"], [0.2, 0.5, 1.5], 0.46),
-    plastic("PVC", &["PVC-U", "uPVC", "U-PVC"], [2.0, 3.1, 5.0], 0.42),
-    plastic("PVC-O", &["oPVC"], [2.5, 4.0, 6.0], 0.42),
-    plastic("CPVC", &["PVC-C"], [1.8, 3.0, 5.0], 0.40),
-    plastic("ABS", &[], [1.2, 2.2, 3.5], 0.38),
-    plastic("PMMA", &["acrylic", "plexiglass", "perspex"], [2.0, 3.3, 6.5], 0.37),
-    plastic("polycarbonate", &["PC"], [1.8, 2.4, 3.5], 0.38),
-    material("GRP", &["FRP", "GFRP", "fiberglass"], [5.0, 20.0, 50.0], 0.28, 0.01, true),
-    material("copper", &["Cu", "Kupfer", "cuivre"], [100.0, 120.0, 137.0], 0.34, 0.0015, false),
-    material("brass", &["Messing", "laiton"], [90.0, 105.0, 120.0], 0.34, 0.0015, false),
-    material("steel", &["carbon steel", "Stahl", "acier"], [185.0, 206.0, 218.0], 0.30, 0.045, false),
-    material("galvanised steel", &["galvanized steel"], [185.0, 205.0, 218.0], 0.30, 0.15, false),
-    material("stainless steel", &["inox", "Edelstahl"], [180.0, 195.0, 212.0], 0.29, 0.015, false),
-    material("ductile iron", &["DI", "Gusseisen"], [145.0, 168.0, 185.0], 0.28, 0.1, false),
-    material("cast iron", &["grey iron"], [70.0, 105.0, 170.0], 0.25, 0.26, false),
-    material("aluminium", &["aluminum", "Alu"], [64.0, 70.0, 76.0], 0.33, 0.0015, false),
+    plastic("HDPE", &["PE-HD", "PE100", "PE-100"], [0.5, 1.4, 3.0], 0.46, 955.0),
+    plastic("MDPE", &["PE-MD", "PE80", "PE-80"], [0.4, 1.1, 2.5], 0.46, 940.0),
+    plastic("LDPE", &["PE-LD"], [0.1, 0.3, 1.0], 0.46, 920.0),
+    plastic("PE", &["polyethylene"], [0.3, 1.3, 3.0], 0.46, 950.0),
+    plastic("PEX", &["PE-X"], [0.3, 0.8, 2.0], 0.46, 940.0),
+    plastic("PPR", &["PP-R"], [0.5, 1.1, 2.5], 0.42, 905.0),
+    plastic("PP", &["polypropylene", "PP-H", "PPH"], [0.6, 1.4, 3.0], 0.42, 905.0),
+    plastic("PB", &["polybutylene"], [0.2, 0.5, 1.5], 0.46, 930.0),
+    plastic("PVC", &["PVC-U", "uPVC", "U-PVC"], [2.0, 3.1, 5.0], 0.42, 1400.0),
+    plastic("PVC-O", &["oPVC"], [2.5, 4.0, 6.0], 0.42, 1400.0),
+    plastic("CPVC", &["PVC-C"], [1.8, 3.0, 5.0], 0.40, 1550.0),
+    plastic("ABS", &[], [1.2, 2.2, 3.5], 0.38, 1050.0),
+    plastic("PMMA", &["acrylic", "plexiglass", "perspex"], [2.0, 3.3, 6.5], 0.37, 1190.0),
+    plastic("polycarbonate", &["PC"], [1.8, 2.4, 3.5], 0.38, 1200.0),
+    material("GRP", &["FRP", "GFRP", "fiberglass"], [5.0, 20.0, 50.0], [0.28, 1850.0], 0.01, true),
+    material("copper", &["Cu", "Kupfer", "cuivre"], [100.0, 120.0, 137.0], [0.34, 8930.0], 0.0015, false),
+    material("brass", &["Messing", "laiton"], [90.0, 105.0, 120.0], [0.34, 8500.0], 0.0015, false),
+    material("steel", &["carbon steel", "Stahl", "acier"], [185.0, 206.0, 218.0], [0.30, 7850.0], 0.045, false),
+    material("galvanised steel", &["galvanized steel"], [185.0, 205.0, 218.0], [0.30, 7850.0], 0.15, false),
+    material("stainless steel", &["inox", "Edelstahl"], [180.0, 195.0, 212.0], [0.29, 7930.0], 0.015, false),
+    material("ductile iron", &["DI", "Gusseisen"], [145.0, 168.0, 185.0], [0.28, 7050.0], 0.1, false),
+    material("cast iron", &["grey iron"], [70.0, 105.0, 170.0], [0.25, 7200.0], 0.26, false),
+    material("aluminium", &["aluminum", "Alu"], [64.0, 70.0, 76.0], [0.33, 2700.0], 0.0015, false),
 ];
 
 #[cfg(test)]

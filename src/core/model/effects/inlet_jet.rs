@@ -3,6 +3,7 @@
 
 use crate::model::effect::{Attachment, Effect, Element, Place, check};
 use crate::model::error::ModelError;
+use crate::model::fitted::theta;
 use crate::model::node::HeadLoss;
 use crate::model::parameter::Parameter;
 use crate::model::scene::{Scene, Site};
@@ -114,11 +115,11 @@ impl Effect for InletJet {
     }
 }
 
-/// `φ = I dQ/dt` from step to step: `θ φ⁺ + (1 - θ) φ = I (Q⁺ - Q)/dt`, `θ = 1/(1 - e^-r) - 1/r`, `r = dt z/I`.
+/// `φ = I dQ/dt` from step to step: `θ φ⁺ + (1 - θ) φ = I (Q⁺ - Q)/dt`, `θ` fitted ([`theta`]) to `dt z/I`.
 ///
 /// The step is exact for a flow that a wave drives through the inertance and the pipe's own impedance `z` while the
-/// wave is linear over the step (Liniger & Willoughby 1970, SIAM J. Numer. Anal. 7:47-66). An inertance that is short
-/// beside the step does not ring, as it would by the trapezoidal rule; `θ ≥ 1/2` adds no energy, and the order is 2.
+/// wave is linear over the step. An inertance that is short beside the step does not ring, as it would by the
+/// trapezoidal rule; `θ ≥ 1/2` adds no energy, and the order is 2.
 #[derive(Debug, Clone, Copy)]
 struct Inertance {
     /// `I/(θ dt)`, s/m².
@@ -133,8 +134,7 @@ impl Inertance {
     /// Of water in a length of pipe.
     fn new(length_m: f64, wave_speed_m_s: f64, area_m2: f64, dt_s: f64) -> Inertance {
         let r = dt_s * wave_speed_m_s / length_m;
-        // Beside its series, where the difference loses its digits.
-        let theta = if r < 1e-3 { 0.5 + r / 12.0 } else { -1.0 / (-r).exp_m1() - 1.0 / r };
+        let theta = theta(r);
         Inertance {
             by_flow: length_m / (GRAVITY_M_S2 * area_m2 * theta * dt_s),
             by_last: (1.0 - theta) / theta,

@@ -10,12 +10,14 @@
 //! | [`Effect::attachments`] | something at one place, or at an end: before the valve, in the supply's mouth |
 //! | [`Effect::field`] with [`Effect::node_shunt`] | what takes water out of every node |
 //! | [`Effect::supply`], [`Effect::valve`] | the ends |
+//! | [`Effect::wall_waves`] | waves in the wall, which meet those of the water at the ends |
 //! | [`Effect::sense`] | what one sensor makes of the head |
 
 pub(crate) mod air_pocket;
 pub(crate) mod blockage;
 pub(crate) mod clock_skew;
 pub(crate) mod entrained_gas;
+pub(crate) mod fluid_structure;
 pub(crate) mod inlet_jet;
 pub(crate) mod leak;
 pub(crate) mod moving_valve;
@@ -53,6 +55,7 @@ pub static CATALOGUE: &[&dyn Effect] = &[
     &crate::model::effects::inlet_jet::InletJet,
     &crate::model::effects::air_pocket::AirPocket,
     &crate::model::effects::moving_valve::MovingValve,
+    &crate::model::effects::fluid_structure::FluidStructure,
     &crate::model::effects::side_branch::SideBranch,
     &crate::model::effects::sensor_lag::SensorLag,
     &crate::model::effects::clock_skew::ClockSkew,

@@ -1,0 +1,154 @@
+//! A pipe that moves along its axis: stress waves in its wall, Poisson's contraction, and a valve that the water pushes.
+
+use crate::model::effect::{Effect, check};
+use crate::model::error::ModelError;
+use crate::model::parameter::Parameter;
+use crate::model::scene::{Scene, Site};
+use crate::model::steady::Steady;
+use crate::model::wall_waves::{Hold, Wall, WallWaves};
+use crate::rig::{Constraint, Rig};
+use crate::units::GRAVITY_M_S2;
+
+/// See [`wall_waves`](crate::model::wall_waves) for the equations.
+///
+/// The supply's end is free where the rig file says `constraint = "free"`, and anchored elsewhere.
+pub struct FluidStructure;
+
+/// The same with dry friction of the valve's support.
+pub struct DryFriction;
+
+const WHY: &str = "both move the valve";
+const TWICE: &str = "both describe the same wall, which would count twice";
+
+impl Effect for FluidStructure {
+    fn name(&self) -> &'static str {
+        "fluid-structure"
+    }
+    fn summary(&self) -> &'static str {
+        "a wall that moves along the pipe: stress waves, Poisson's contraction, the valve on a spring (or /dry: with dry friction)"
+    }
+    fn equation(&self) -> &'static str {
+        "dV/dt + g dH/dx = 0,  dH/dt + (c²/g) dV/dx = 2ν (c²/g) du/dx;\n\
+         ρ_w du/dt = ds/dx,  ds/dt = E du/dx + ν (D/2e) ρg dH/dt;  at the valve V - u = V_valve, A_w s + k ∫u dt = A ρg H"
+    }
+    fn source(&self) -> &'static str {
+        "Skalak (1956), Trans. ASME 78:105-116; Tijsseling (1996), J. Fluids Struct. 10:109-146, and (2003), 18:179-196; in a thin wall, \
+         and both pairs of waves each on its own"
+    }
+    fn trace(&self) -> &'static str {
+        "small steps ahead of each front, at the speed of sound in the wall; ripples of the wall's own period on plateaus, and a first rise \
+         that is lower and then beats"
+    }
+    fn variants(&self) -> &'static [&'static dyn Effect] {
+        &[&DryFriction]
+    }
+    fn excludes(&self) -> &'static [(&'static str, &'static str)] {
+        &[("fluid-structure/dry", TWICE), ("moving-valve", WHY)]
+    }
+    fn impossible(&self, rig: &Rig) -> Option<&'static str> {
+        (rig.pipes.len() > 1).then_some("it is written for one uniform pipe")
+    }
+    fn parameters(&self, site: &Site, _elements: usize) -> Vec<Parameter> {
+        let pipe = site.pipe();
+        let material = pipe.material();
+        let speed = |modulus_pa: f64| (modulus_pa / material.density_kg_m3).sqrt();
+        let [low, high] = material.youngs_modulus_range_pa.map(speed);
+        let wave_speed = pipe.wave_speed_start(site.water).0;
+        let whole_mm_per_m = 1e3 * GRAVITY_M_S2 * site.rig.length_m() / wave_speed.powi(2);
+        vec![
+            Parameter::linear("wall_poisson_ratio", "1", "Poisson's ratio of the wall", pipe.poisson_ratio(), 0.0, 0.5)
+                .vanishing_at(0.0),
+            Parameter::log(
+                "stress_wave_speed_m_s",
+                "m/s",
+                "speed of stress waves along a bar of the wall's material",
+                speed(material.youngs_modulus_pa),
+                low,
+                high,
+            ),
+            Parameter::log(
+                "valve_give_mm_per_m",
+                "mm/m",
+                "how far a steady head would move the valve's support alone",
+                1e-2 * whole_mm_per_m,
+                1e-6 * whole_mm_per_m,
+                1e3 * whole_mm_per_m,
+            )
+            .vanishing_at(0.0),
+        ]
+    }
+    fn other_starts(&self, _elements: usize) -> Vec<Vec<f64>> {
+        vec![vec![1.0, 1.0, 0.01], vec![1.0, 1.0, 100.0]]
+    }
+    fn wall_waves(&self, values: &[f64], scene: &Scene, steady: &Steady) -> Result<Option<WallWaves>, ModelError> {
+        let (poisson_ratio, stress_speed_m_s, give_mm_per_m) = (values[0], values[1], values[2]);
+        check("wall_poisson_ratio", poisson_ratio, (0.0..=0.5).contains(&poisson_ratio), "from 0 to 0.5")?;
+        check("stress_wave_speed_m_s", stress_speed_m_s, stress_speed_m_s > 0.0, "more than zero")?;
+        check("valve_give_mm_per_m", give_mm_per_m, give_mm_per_m >= 0.0, "zero or more")?;
+        let dry_m = values.get(3).copied().unwrap_or(0.0);
+        check("dry_friction_m", dry_m, dry_m >= 0.0, "zero or more")?;
+        let (rig, graph) = (scene.rig, &scene.rig.graph);
+        let [pipe] = &rig.pipes[..] else {
+            return Err(ModelError::OnePipe { effect: self.name().to_owned() });
+        };
+        if poisson_ratio == 0.0 && give_mm_per_m == 0.0 {
+            return Ok(None);
+        }
+        let segments = &steady.grid.segments;
+        let reaches: usize = segments.iter().map(|s| s.reaches).sum();
+        let wall = Wall {
+            poisson_ratio,
+            stress_speed_m_s,
+            density_ratio: steady.density_kg_m3 / pipe.material().density_kg_m3,
+            wall_ratio: pipe.inner_diameter_m / pipe.wall_thickness_m,
+            area_m2: pipe.area_m2(),
+            length_m: pipe.length_m,
+            wave_speed_m_s: pipe.length_m / (reaches as f64 * scene.dt_s),
+        };
+        let supply = if pipe.constraint == Constraint::Free { Hold::Open } else { Hold::Anchored };
+        let valve = Hold::Valve { give: 1e-3 * give_mm_per_m, dry_m };
+        let heads = &steady.head_m;
+        let at = [(graph.supply(), supply, heads[0]), (graph.valve, valve, heads[heads.len() - 1])];
+        WallWaves::new(&wall, at, scene.flow_m3_s, scene.dt_s, reaches).map(Some)
+    }
+}
+
+impl Effect for DryFriction {
+    fn name(&self) -> &'static str {
+        "fluid-structure/dry"
+    }
+    fn summary(&self) -> &'static str {
+        "a wall that moves along the pipe, its valve on a spring with dry friction"
+    }
+    fn equation(&self) -> &'static str {
+        "as fluid-structure, with A_w s + k ∫u dt + F sign(u) = A ρg H at the valve while it slides; it sticks where abs(A ρg H - A_w s - k ∫u \
+         dt) < F, F = A ρg h_dry"
+    }
+    fn source(&self) -> &'static str {
+        "Coulomb; Ferràs, Manso, Schleiss & Covas (2016), J. Hydraul. Eng. 142: a straight copper pipe; here at the valve's support alone"
+    }
+    fn trace(&self) -> &'static str {
+        "as fluid-structure for high waves; none of the valve's motion once they are low"
+    }
+    fn excludes(&self) -> &'static [(&'static str, &'static str)] {
+        &[("fluid-structure", TWICE), ("moving-valve", WHY)]
+    }
+    fn impossible(&self, rig: &Rig) -> Option<&'static str> {
+        FluidStructure.impossible(rig)
+    }
+    fn parameters(&self, site: &Site, elements: usize) -> Vec<Parameter> {
+        let mut parameters = FluidStructure.parameters(site, elements);
+        parameters.push(Parameter::log(
+            "dry_friction_m",
+            "m",
+            "head whose push on the valve just moves it",
+            1.0,
+            1e-3,
+            1e3,
+        ));
+        parameters
+    }
+    fn wall_waves(&self, values: &[f64], scene: &Scene, steady: &Steady) -> Result<Option<WallWaves>, ModelError> {
+        FluidStructure.wall_waves(values, scene, steady)
+    }
+}
