@@ -63,6 +63,9 @@ impl<'a> Lines<'a> {
         let mut balance = owners.map(|owners| Balance::new(self.steady, owners, &self.terms, &state, steps));
         let readings: Vec<Reading> = probes.iter().map(|&probe| Reading::new(probe, self.steady)).collect();
         let mut lines = self.stepped(graph, &state);
+        if let Some(wall) = &mut lines.wall {
+            wall.reserve(steps);
+        }
         let mut traces: Vec<Trace> = readings.iter().map(|_| Trace::with_capacity(grid.dt_s, steps + 1)).collect();
         state.read(&mut traces, &readings);
         march(&mut lines, &mut state, steps, &readings, &mut traces, &mut balance)?;

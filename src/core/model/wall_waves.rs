@@ -158,6 +158,14 @@ impl WallWaves {
         }
     }
 
+    /// Makes room for what the ends keep of so many steps, so that no step has to.
+    pub(crate) fn reserve(&mut self, steps: usize) {
+        for end in &mut self.ends {
+            end.left_m.reserve_exact(steps);
+            end.sums_m.reserve_exact(steps);
+        }
+    }
+
     /// Adds what the stress waves make of heads and flows to the traces of probes.
     pub(crate) fn show(self, probes: &[Probe], traces: &mut [Trace]) {
         let Modes { beta, stress_speed_m_s, area_m2, .. } = self.ends[0].modes;
