@@ -1,20 +1,47 @@
-//! A reach that takes a wave longer than one step, by a number of steps that need not be whole.
+//! A wave that is delayed by a number of steps that need not be whole, and a reach that delays its waves so.
 //!
-//! Its waves pass a first-order all-pass filter, `y = η x + s`, `s⁺ = x - η y`, `η = (1 - D)/(1 + D)`: at low
+//! They pass a first-order all-pass filter, `y = η x + s`, `s⁺ = x - η y`, `η = (1 - D)/(1 + D)`: at low
 //! frequencies a delay of `D` steps (Laakso et al. 1996, IEEE Signal Process. Mag. 13(1):30-60), with an error in phase
 //! of third order in the step. It has gain 1 at every frequency, and the reach keeps its impedance: nothing is
 //! reflected, and no energy is lost. `y² + s⁺²/(1 - η²) = x² + s²/(1 - η²)`.
 
 use crate::model::grid::Grid;
 
+/// The filter of one wave.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct AllPass {
+    eta: f64,
+    kept: f64,
+}
+
+impl AllPass {
+    /// A delay of so many steps, half a step to one and a half, of a wave that has stood still.
+    pub(crate) fn new(steps: f64, wave: f64) -> AllPass {
+        let eta = (1.0 - steps) / (1.0 + steps);
+        AllPass { eta, kept: (1.0 - eta) * wave }
+    }
+
+    /// What leaves the filter as a wave enters it.
+    #[inline(always)]
+    pub(crate) fn pass(&mut self, wave: f64) -> f64 {
+        let passed = self.eta * wave + self.kept;
+        self.kept = wave - self.eta * passed;
+        passed
+    }
+
+    /// The kept wave, with the energy of a wave on its way.
+    fn wave(self) -> f64 {
+        self.kept / (1.0 - self.eta * self.eta).sqrt()
+    }
+}
+
 /// The filters of one late reach, one for each direction.
 pub(crate) struct Late {
     /// The segment that is the reach.
     pub(crate) segment: usize,
     nodes: [usize; 2],
-    eta: f64,
-    /// What the filters keep, downstream and upstream.
-    kept: [f64; 2],
+    /// Downstream and upstream.
+    filters: [AllPass; 2],
 }
 
 impl Late {
@@ -23,9 +50,8 @@ impl Late {
         let late = grid.segments.iter().enumerate().filter(|(_, s)| s.late > 0.0);
         late.map(|(segment, s)| {
             let nodes = [s.offset, s.offset + 1];
-            let eta = (1.0 - s.late) / (1.0 + s.late);
-            let kept = [fwd[nodes[0]], bwd[nodes[1]]].map(|wave| (1.0 - eta) * wave);
-            Late { segment, nodes, eta, kept }
+            let filters = [fwd[nodes[0]], bwd[nodes[1]]].map(|wave| AllPass::new(s.late, wave));
+            Late { segment, nodes, filters }
         })
         .collect()
     }
@@ -33,16 +59,14 @@ impl Late {
     /// Delays the waves on their way into the reach's other end.
     #[inline(always)]
     pub(crate) fn pass(&mut self, fwd: &mut [f64], bwd: &mut [f64]) {
-        for (wave, kept) in [&mut fwd[self.nodes[0]], &mut bwd[self.nodes[1]]].into_iter().zip(&mut self.kept) {
-            let passed = self.eta * *wave + *kept;
-            *kept = *wave - self.eta * passed;
-            *wave = passed;
+        for (wave, filter) in [&mut fwd[self.nodes[0]], &mut bwd[self.nodes[1]]].into_iter().zip(&mut self.filters) {
+            *wave = filter.pass(*wave);
         }
     }
 
     /// The kept waves, downstream and upstream, with the energy of waves on their way.
     pub(crate) fn waves(&self) -> [f64; 2] {
-        self.kept.map(|kept| kept / (1.0 - self.eta * self.eta).sqrt())
+        self.filters.map(AllPass::wave)
     }
 }
 
@@ -51,7 +75,7 @@ mod tests {
     use super::*;
 
     fn late(steps: f64) -> Late {
-        Late { segment: 0, nodes: [0, 1], eta: (1.0 - steps) / (1.0 + steps), kept: [0.0; 2] }
+        Late { segment: 0, nodes: [0, 1], filters: [AllPass::new(steps, 0.0); 2] }
     }
 
     #[test]

@@ -18,7 +18,7 @@
 //!
 //! The line's own scheme carries the pressure waves: its wave speed *is* `λ1`. The stress waves need no grid. They are
 //! delayed by `length/λ2` from one end to the other, exactly where that is a whole number of steps; elsewhere by an
-//! all-pass filter, which loses nothing (see [`late`](crate::model::late)). At an end two laws, of the water and of the
+//! all-pass filter, which loses nothing ([`AllPass`]). At an end two laws, of the water and of the
 //! wall, send both pairs back; they change the characteristic that reaches the node there, and nothing else of it.
 //!
 //! What acts along the pipe (friction, creep, gas, an element at a place) acts on pressure waves alone.
@@ -27,6 +27,7 @@ use std::collections::VecDeque;
 
 use crate::model::error::ModelError;
 use crate::model::fitted::theta;
+use crate::model::late::AllPass;
 use crate::model::node::Arriving;
 use crate::model::trace::{Probe, Trace};
 use crate::units::GRAVITY_M_S2;
@@ -77,6 +78,18 @@ struct Modes {
     area_m2: f64,
     /// Cross-section of the water over that of the wall.
     thrust: f64,
+}
+
+impl Modes {
+    /// Velocity of the wall per stress that a wave carries.
+    fn per_stress(&self) -> f64 {
+        GRAVITY_M_S2 * self.density_ratio / self.stress_speed_m_s
+    }
+
+    /// Flow through a moving end per stress that a wave carries.
+    fn flow_per_stress(&self) -> f64 {
+        self.area_m2 * GRAVITY_M_S2 * (self.beta + self.density_ratio) / self.stress_speed_m_s
+    }
 }
 
 impl Wall {
@@ -195,8 +208,7 @@ impl WallWaves {
 /// A wave on its way from one end to the other: whole steps and an all-pass filter for the rest.
 struct Delay {
     way: VecDeque<f64>,
-    eta: f64,
-    kept: f64,
+    rest: AllPass,
 }
 
 impl Delay {
@@ -204,15 +216,13 @@ impl Delay {
         // One step more passes until the other end takes it; the filter takes a half to one and a half.
         let late = 1.0 + steps - steps.round();
         let whole = steps.round() as usize - 2;
-        Delay { way: VecDeque::from(vec![0.0; whole]), eta: (1.0 - late) / (1.0 + late), kept: 0.0 }
+        Delay { way: VecDeque::from(vec![0.0; whole]), rest: AllPass::new(late, 0.0) }
     }
 
     fn pass(&mut self, wave: f64) -> f64 {
         self.way.push_back(wave);
         let wave = self.way.pop_front().unwrap_or(wave);
-        let passed = self.eta * wave + self.kept;
-        self.kept = wave - self.eta * passed;
-        passed
+        self.rest.pass(wave)
     }
 }
 
@@ -251,13 +261,12 @@ pub(crate) struct WallEnd {
 
 impl WallEnd {
     fn new(modes: Modes, node: usize, hold: Hold, (steady_m, steady_m3_s): (f64, f64), dt_s: f64) -> WallEnd {
-        let per_stress = GRAVITY_M_S2 * modes.density_ratio / modes.stress_speed_m_s;
         let spring = match hold {
             Hold::Valve { give, .. } if give > 0.0 => modes.thrust / give,
             Hold::Open => 0.0,
             Hold::Valve { .. } | Hold::Anchored => f64::INFINITY,
         };
-        let theta = theta(dt_s * spring * per_stress);
+        let theta = theta(dt_s * spring * modes.per_stress());
         let anchored = spring.is_infinite();
         let (push, dry_m) = match hold {
             Hold::Valve { dry_m, .. } => (modes.thrust, modes.thrust * dry_m),
@@ -290,16 +299,11 @@ impl WallEnd {
         }
     }
 
-    /// Velocity of the wall per stress that a wave carries.
-    fn per_stress(&self) -> f64 {
-        GRAVITY_M_S2 * self.modes.density_ratio / self.modes.stress_speed_m_s
-    }
-
     /// The characteristic that reaches the node in true heads and in flows through the moving end, from that of the
     /// pressure waves.
     pub(crate) fn meets(&mut self, reached: Arriving) -> Arriving {
-        let Modes { alpha, beta, stress_speed_m_s, density_ratio: r, area_m2, .. } = self.modes;
-        let w = self.per_stress();
+        let Modes { alpha, beta, density_ratio: r, area_m2, .. } = self.modes;
+        let w = self.modes.per_stress();
         // force [Σ - push (h + βΣ) - α h + f] + travel [x/(θ dt) + u] = 0, u = α r q/A - w (2 s - Σ).
         let (force, travel, friction_m) = match self.slides {
             Some(direction) => (self.force, self.travel, self.dry_m * direction),
@@ -317,7 +321,7 @@ impl WallEnd {
         self.epsilon_m = reached.e - self.steady_m - reached.z * self.steady_m3_s;
         self.s0 = c0 + by_h * self.epsilon_m;
         self.s1 = by_q - by_h * self.z;
-        let g = area_m2 * GRAVITY_M_S2 * (beta + r) / stress_speed_m_s;
+        let g = self.modes.flow_per_stress();
         let z = (self.z - beta * self.s1) / (1.0 - alpha * r - g * self.s1);
         let known_m3_s = self.steady_m3_s + g * (2.0 * self.arriving_m - self.s0);
         Arriving { z, e: self.steady_m + self.epsilon_m + beta * self.s0 + z * known_m3_s }
@@ -325,14 +329,14 @@ impl WallEnd {
 
     /// Head and flow of the pressure waves where the node has this true flow; advances the end.
     pub(crate) fn leaves(&mut self, out_m3_s: f64) -> (f64, f64) {
-        let Modes { alpha, beta, stress_speed_m_s, density_ratio: r, area_m2, .. } = self.modes;
-        let g = area_m2 * GRAVITY_M_S2 * (beta + r) / stress_speed_m_s;
+        let Modes { alpha, beta, density_ratio: r, area_m2, .. } = self.modes;
+        let g = self.modes.flow_per_stress();
         let through = out_m3_s - self.steady_m3_s - g * (2.0 * self.arriving_m - self.s0);
         let q = through / (1.0 - alpha * r - g * self.s1);
         let h = self.epsilon_m - self.z * q;
         self.sum_m = self.s0 + self.s1 * q;
         self.leaving_m = self.sum_m - self.arriving_m;
-        let rate = alpha * r * q / area_m2 - self.per_stress() * (2.0 * self.arriving_m - self.sum_m);
+        let rate = alpha * r * q / area_m2 - self.modes.per_stress() * (2.0 * self.arriving_m - self.sum_m);
         match self.slides {
             Some(direction) => {
                 self.travel_m += self.dt_s * ((1.0 - self.theta) * self.rate_m_s + self.theta * rate);

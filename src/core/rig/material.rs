@@ -5,8 +5,8 @@
 //! Thorley, *Fluid Transients in Pipeline Systems* (2004) for moduli and Poisson's ratios of pipes; for plastics under
 //! water hammer Covas et al. (2004, J. Hydraul. Res. 42(5); PE: J₀ 0.70 1/GPa, ν 0.46) and Soares et al. (2008, J.
 //! Hydraul. Eng. 134(9); PVC); for PPR the data sheets of pipe makers (0.8–0.9 GPa slow) and the wave speeds of 410–470
-//! m/s in the rig of `rigs/paper-ppr.toml`; roughnesses of new pipes after Moody (1944) and makers' data; densities after makers' data sheets. They are
-//! starts and bounds, not measurements of your pipe.
+//! m/s in the rig of `rigs/paper-ppr.toml`; roughnesses of new pipes after Moody (1944) and makers' data; densities after
+//! makers' data sheets. They are starts and bounds, not measurements of your pipe.
 
 /// What is known of a wall material before any test.
 #[derive(Debug, Clone, PartialEq)]

@@ -94,8 +94,7 @@ impl Effect for FluidStructure {
         if poisson_ratio == 0.0 && give_mm_per_m == 0.0 {
             return Ok(None);
         }
-        let segments = &steady.grid.segments;
-        let reaches: usize = segments.iter().map(|s| s.reaches).sum();
+        let reaches = steady.grid.reaches();
         let wall = Wall {
             poisson_ratio,
             stress_speed_m_s,
