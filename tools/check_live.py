@@ -6,7 +6,8 @@
 
 Starts `surgescope record` with the arguments and `--live`. One client takes everything; one subscribes to everything and never reads; one, by
 the library `websockets`, decodes by the schema that it was sent, and tries to publish; pages of strange origins and a rebound name are turned
-away. In the end the first client must have every message of the file, byte by byte, and the file every sample that was asked for.
+away. In the end the file must have every sample that was asked for, and the first client the file's messages, byte by byte and in order. It may
+lack only those that the program says it dropped, as it does where a client, or a busy computer, is too slow.
 Exit code 0 when all agrees, 1 with what does not.
 """
 
@@ -22,6 +23,7 @@ import sys
 import tempfile
 import threading
 import time
+from array import array
 
 import websockets
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
@@ -139,14 +141,20 @@ class Taker(threading.Thread):
 
 
 class Stream:
-    """The messages of a topic: log time and data of each, one behind the other."""
+    """The messages of a topic: log time and data of each, one behind the other, with where each ends."""
 
     def __init__(self, first_ns):
-        self.first_ns, self.count, self.bytes = first_ns, 0, bytearray()
+        self.first_ns, self.bytes, self.ends = first_ns, bytearray(), array("Q", [0])
 
     def add(self, message):
-        self.count += 1
         self.bytes += message
+        self.ends.append(len(self.bytes))
+
+    def __len__(self):
+        return len(self.ends) - 1
+
+    def __iter__(self):
+        return (self.bytes[start:end] for start, end in zip(self.ends, self.ends[1:]))
 
 
 def never_reads(port):
@@ -212,7 +220,7 @@ def of_the_file(path):
 
 
 def compare(taker, path):
-    """Everything of the file from when the client came on, byte by byte."""
+    """What came, message by message, against the file: how many came, and how many are missing since the client came on."""
     live_channels, live = taker.messages()
     file_channels, filed = of_the_file(path)
     for channel in live_channels:
@@ -220,13 +228,16 @@ def compare(taker, path):
         expect(channel["schemaName"] == name and base64.b64decode(channel["schema"]) == data, f"another schema of {channel['topic']}")
         expect(channel["metadata"] == metadata, f"other metadata: {channel['metadata']}, {metadata}")
     expect(live.keys() == filed.keys(), f"live {sorted(live)}, in the file {sorted(filed)}")
+    came, missing = 0, 0
     for topic, whole in filed.items():
-        got = live[topic]
-        expect(whole.bytes.endswith(got.bytes), f"{topic}: {got.count} messages live are not the end of the {whole.count} in the file")
+        got, rest = live[topic], iter(whole)
+        before = next(i for i, message in enumerate(whole) if message == next(iter(got)))
+        expect(all(message in rest for message in got), f"{topic}: what came live is not in the file, or in another order")
         missed_s = (got.first_ns - whole.first_ns) / 1e9
         expect(missed_s < 5, f"{topic}: the first message came {missed_s} s late")
-        print(f"{topic}: {got.count} messages, each as in the file; the client came {missed_s:.2f} s after the first of {whole.count}")
-    return sum(stream.count for stream in live.values())
+        print(f"{topic}: {len(got)} of {len(whole)} messages, each as in the file; the client came {missed_s:.2f} s after the first")
+        came, missing = came + len(got), missing + len(whole) - before - len(got)
+    return came, missing
 
 
 def main():
@@ -259,8 +270,10 @@ def main():
         expect(code == 0, f"exit code {code}: {open(told.name).read()}")
         summary = json.load(open(said.name))
         expect(taker.closed, "the client was not told of the end")
-        total = compare(taker, path)
+        total, missing = compare(taker, path)
         live = summary["live"]
+        expect(missing <= live["dropped"], f"{missing} messages did not come, and not all were counted: {live}")
+        print(f"{missing} messages were dropped on the way to the client that reads")
         expect(live["clients"] == 3, f"{live}")
         # the system keeps some megabytes for a client that does not read
         expect(live["dropped"] > 0 or total < 1_000_000, f"a client that never reads has lost nothing: {live}")
