@@ -327,9 +327,31 @@ mod tests {
 
     use super::*;
     use crate::diagnose::Verdict;
+    use crate::model::ModelError;
+    use crate::model::stop::Stop;
 
     fn file(name: &str) -> PathBuf {
         Path::new(env!("CARGO_MANIFEST_DIR")).join("recordings").join(name)
+    }
+
+    /// Wherever it is stopped, in a fit or between candidates, no half of an answer comes.
+    #[test]
+    fn what_is_stopped_ends_with_an_error() {
+        for (effects, heard) in [("unsteady-friction", 5), ("none", 60), ("none", 180)] {
+            let mut study = Study::open([file("copper-leak.mcap")]).unwrap();
+            let (stop, count) = (Stop::default(), AtomicUsize::new(0));
+            let told = stop.clone();
+            study.on_progress(move |_| {
+                if count.fetch_add(1, Ordering::Relaxed) == heard {
+                    told.stop();
+                }
+            });
+            let options = Options { most_reaches: 32, ..Options::default() };
+            let effects = parse_list(effects).unwrap();
+            let ended = stop.threads(None).unwrap().install(|| study.diagnose_model(&effects, &options));
+            assert!(stop.is_stopped(), "{heard} reports never came");
+            assert_eq!(ended.unwrap_err().to_string(), ModelError::Stopped.to_string());
+        }
     }
 
     #[test]

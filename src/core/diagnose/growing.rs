@@ -18,6 +18,7 @@ use crate::fit::problem::error::FitError;
 use crate::fit::progress::OnProgress;
 use crate::fit::search::options::Options;
 use crate::model::effects::Chosen;
+use crate::model::stop;
 use crate::rig::Rig;
 
 /// See the module.
@@ -151,6 +152,7 @@ impl Growing {
         let mut search = Search::new(fitter, start, from, &baseline);
         (search.met, search.done) = (std::mem::take(&mut self.met), std::mem::take(&mut self.done));
         let done = work(&mut search);
+        stop::check()?;
         (self.met, self.done) = (search.met, search.done);
         Ok(done)
     }

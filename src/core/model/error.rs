@@ -76,4 +76,6 @@ pub enum ModelError {
     NoSupplyHead,
     #[error("the head before the valve needs at least one sample, and times that increase")]
     NoValveHead,
+    #[error("the computation was stopped")]
+    Stopped,
 }

@@ -19,6 +19,7 @@ use crate::model::run::{Conditions, Resolution, RunValues, Simulated};
 use crate::model::scene::Scene;
 use crate::model::solver::Lines;
 use crate::model::steady::{Found, Given, Steady};
+use crate::model::stop;
 use crate::model::trace::Probe;
 use crate::rig::{Place, Regime, Upstream};
 use crate::units::GRAVITY_M_S2;
@@ -109,6 +110,7 @@ impl Model<'_> {
         given: GivenEnd,
         with_energy: bool,
     ) -> Result<Simulated, ModelError> {
+        stop::check()?;
         self.check(shared, run)?;
         let graph = &self.rig.graph;
         let flow_m3_s = run.initial_velocity_m_s * self.rig.pipe_at_valve().area_m2();

@@ -1,40 +1,64 @@
 //! Computations that somebody may stop.
 
 use std::cell::RefCell;
-use std::panic::resume_unwind;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
+
+use crate::model::error::ModelError;
+
 thread_local! {
-    static STOP: RefCell<Option<Arc<AtomicBool>>> = const { RefCell::new(None) };
+    static HEEDED: RefCell<Stop> = RefCell::default();
 }
 
-/// What a computation unwinds with when somebody stops it.
-pub struct Stopped;
+/// Stops computations, from any thread, for good. Clones stop the same ones.
+#[derive(Debug, Clone, Default)]
+pub struct Stop(Arc<AtomicBool>);
 
-/// Makes computations on this thread unwind with [`Stopped`], at the next time step that a model takes, once `stop` is
-/// set. Whoever starts them catches it.
-pub fn heed(stop: Arc<AtomicBool>) {
-    STOP.set(Some(stop));
-}
-
-/// Unwinds if somebody stops this thread's computations.
-pub fn stop_if_told() {
-    Heeded::by_this_thread().stop_if_told();
-}
-
-/// What the computations of a thread heed, for a loop that looks often.
-pub(crate) struct Heeded(Option<Arc<AtomicBool>>);
-
-impl Heeded {
-    pub(crate) fn by_this_thread() -> Heeded {
-        Heeded(STOP.with_borrow(Clone::clone))
+impl Stop {
+    /// Makes simulations on this thread heed this: once it is stopped, they fail with [`ModelError::Stopped`].
+    pub fn heed(&self) {
+        HEEDED.set(self.clone());
     }
 
+    /// So many threads, or one a core where none is said, on which simulations heed this.
+    ///
+    /// # Errors
+    /// If the system gives no threads.
+    pub fn threads(&self, most: Option<usize>) -> Result<ThreadPool, ThreadPoolBuildError> {
+        let stop = self.clone();
+        ThreadPoolBuilder::new().num_threads(most.unwrap_or(0)).start_handler(move |_| stop.heed()).build()
+    }
+
+    /// What this thread heeds.
+    pub(crate) fn heeded() -> Stop {
+        HEEDED.with_borrow(Clone::clone)
+    }
+
+    /// Stops what heeds this.
+    pub fn stop(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether it is stopped.
+    pub fn is_stopped(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+
+    /// # Errors
+    /// [`ModelError::Stopped`] once it is stopped.
     #[inline]
-    pub(crate) fn stop_if_told(&self) {
-        if self.0.as_ref().is_some_and(|stop| stop.load(Ordering::Relaxed)) {
-            resume_unwind(Box::new(Stopped));
-        }
+    pub fn check(&self) -> Result<(), ModelError> {
+        if self.is_stopped() { Err(ModelError::Stopped) } else { Ok(()) }
     }
+}
+
+/// A search leaves out what cannot be simulated, so one that was stopped would end with what it happened to have. This
+/// is its last word instead.
+///
+/// # Errors
+/// [`ModelError::Stopped`] where this thread's computations are stopped.
+pub fn check() -> Result<(), ModelError> {
+    Stop::heeded().check()
 }

@@ -2,15 +2,13 @@
 
 use std::error::Error;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use rayon::ThreadPoolBuilder;
 use serde_json::json;
 
 use crate::fit::progress::{Passing, Progress};
-use crate::model::stop::{Stopped, heed, stop_if_told};
+use crate::model::stop::Stop;
 use crate::watch::evaluate::sentence;
 use crate::web::session::events::Hub;
 
@@ -43,7 +41,7 @@ pub struct Job {
     /// The model as it is at this moment, where one is being fitted.
     pub passing: Option<Arc<Passing>>,
     opens: bool,
-    stop: Arc<AtomicBool>,
+    stop: Stop,
 }
 
 #[derive(Default)]
@@ -103,7 +101,7 @@ impl Jobs {
         opens: bool,
         work: impl FnOnce(&Arc<Jobs>) -> Result<(), AnyError> + Send + 'static,
     ) -> Result<u64, Busy> {
-        let stop = Arc::new(AtomicBool::new(false));
+        let stop = Stop::default();
         let id = {
             let mut state = self.lock();
             if let Some(job) = &state.job {
@@ -121,15 +119,13 @@ impl Jobs {
         let jobs = self.clone();
         std::thread::spawn(move || {
             // threads of its own, so that what is computed for pages meanwhile is not stopped with it
-            let heeding = stop.clone();
-            let threads = ThreadPoolBuilder::new().start_handler(move |_| heed(heeding.clone())).build();
-            heed(stop);
+            let threads = stop.threads(None);
             let ended = catch_unwind(AssertUnwindSafe(|| threads?.install(|| work(&jobs))));
-            let cancelled = ended.as_ref().is_err_and(|reason| reason.is::<Stopped>());
+            let cancelled = stop.is_stopped() && matches!(ended, Ok(Err(_)));
             let message = match ended {
                 Ok(Ok(())) => None,
+                Ok(Err(_)) if cancelled => Some("cancelled".to_owned()),
                 Ok(Err(error)) => Some(sentence(error.as_ref())),
-                Err(_) if cancelled => Some("cancelled".to_owned()),
                 Err(_) => Some("this failed by a fault of the program; nothing was changed".to_owned()),
             };
             let mut state = jobs.lock();
@@ -145,18 +141,17 @@ impl Jobs {
         Ok(id)
     }
 
-    /// Cancels the job at work: it ends when it next runs a model or tells how far it has come.
+    /// Cancels the job at work: it ends when it next runs a model.
     pub fn cancel(&self) -> Option<u64> {
         let mut state = self.lock();
         let job = state.job.as_mut()?;
-        job.stop.store(true, Ordering::Relaxed);
+        job.stop.stop();
         "cancelling".clone_into(&mut job.progress);
         Some(job.id)
     }
 
     /// Hears from a computation.
     pub fn hear(&self, progress: &Progress) {
-        stop_if_told();
         let mut state = self.lock();
         let noise_m = state.noise_m;
         let counted = state.iterations + usize::from(progress.fitting.is_some());
@@ -243,7 +238,9 @@ mod tests {
     }
 
     #[test]
-    fn a_cancelled_job_unwinds_also_from_other_threads() {
+    fn a_cancelled_job_ends_also_on_other_threads() {
+        use crate::model::ModelError;
+        use crate::model::stop::check;
         use rayon::prelude::*;
         let hub = Arc::new(Hub::default());
         let mut heard = hub.listen();
@@ -251,13 +248,14 @@ mod tests {
         let (begun, wait) = std::sync::mpsc::channel::<()>();
         jobs.start("endless", false, move |jobs| {
             begun.send(())?;
-            (0..4).into_par_iter().for_each(|_| {
+            let one = |_| -> Result<(), ModelError> {
                 loop {
+                    check()?;
                     jobs.hear(&Progress::from("going on"));
                     std::thread::sleep(Duration::from_millis(1));
                 }
-            });
-            Ok(())
+            };
+            Ok((0..4).into_par_iter().try_for_each(one)?)
         })
         .unwrap();
         wait.recv().unwrap();

@@ -1,16 +1,14 @@
 //! A computation on a thread of its own, so that Ctrl-C and a watcher of the progress are heard while it runs.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, TryRecvError, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
 use pyo3::prelude::*;
-use rayon::ThreadPoolBuilder;
 use surgescope::fit::progress::Progress as Heard;
-use surgescope::model::stop::heed;
+use surgescope::model::stop::Stop;
 
 use crate::error::{AnyError, fault, refused, sentence};
 
@@ -104,13 +102,11 @@ pub fn on_all_cores<T: Send + 'static>(
     if threads == Some(0) {
         return Err(sentence("threads must be 1 or more; leave it out for all cores"));
     }
-    let stop = Arc::new(AtomicBool::new(false));
+    let stop = Stop::default();
     let heeding = stop.clone();
     started(py, stop, progress, move |told| {
         // Threads of its own, so that nothing else is stopped with it, and a forked process has all of them.
-        let pool =
-            ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).start_handler(move |_| heed(heeding.clone()));
-        pool.build()?.install(|| work(told))
+        heeding.threads(threads)?.install(|| work(told))
     })
 }
 
@@ -122,12 +118,12 @@ pub fn on_one<T: Send + 'static>(
     py: Python<'_>,
     work: impl FnOnce() -> Result<T, AnyError> + Send + 'static,
 ) -> PyResult<T> {
-    started(py, Arc::default(), None, |_| work())
+    started(py, Stop::default(), None, |_| work())
 }
 
 fn started<T: Send + 'static>(
     py: Python<'_>,
-    stop: Arc<AtomicBool>,
+    stop: Stop,
     progress: Option<&Bound<'_, PyAny>>,
     work: impl FnOnce(&Told) -> Result<T, AnyError> + Send + 'static,
 ) -> PyResult<T> {
@@ -135,7 +131,7 @@ fn started<T: Send + 'static>(
     let (send, mut ended) = sync_channel(1);
     let (heeding, telling) = (stop.clone(), told.clone());
     let run = move || {
-        heed(heeding);
+        heeding.heed();
         let result = catch_unwind(AssertUnwindSafe(|| work(&telling)));
         // Nobody receives it any more where the caller was interrupted.
         let _ = send.send(result);
@@ -150,7 +146,7 @@ fn started<T: Send + 'static>(
             _ => Ok(()),
         });
         if let Err(interrupted) = heard {
-            stop.store(true, Ordering::Relaxed);
+            stop.stop();
             return Err(interrupted);
         }
     };

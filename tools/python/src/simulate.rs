@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rayon::prelude::*;
 use surgescope::model::effects::{Chosen, parse_list};
-use surgescope::model::stop::stop_if_told;
+use surgescope::model::stop;
 use surgescope::model::trace::Trace;
 use surgescope::rig;
 use surgescope::simulate::cavities::unmodelled;
@@ -208,7 +208,7 @@ pub fn simulate_many<'py>(
         let (counted, times_s) = (AtomicUsize::new(0), Arc::new(times_s));
         let until_s = duration_s(&times_s);
         let scenario = |settings: &Vec<(String, f64)>| {
-            stop_if_told();
+            stop::check()?;
             Scenario::new((*rig).clone(), &effects, valve, settings)
         };
         // Names and ranges first: a slip in the last row need not wait for the others. None is kept, for each holds a

@@ -42,7 +42,7 @@ use crate::fit::outcome::fit::Fit;
 use crate::fit::progress::{OnProgress, Progress};
 use crate::fit::search::options::Options;
 use crate::fit::search::thresholds::COARSE_REACHES;
-use crate::model::{Model, ModelError};
+use crate::model::{Model, ModelError, stop};
 use crate::rig::Rig;
 
 /// What would explain what a fitted model leaves of `runs`: the most probable place first, then those that cannot be
@@ -83,6 +83,7 @@ pub fn explain(
             }
         }
     }
+    stop::check()?;
     all.sort_by(|a, b| b.log_odds(rig).total_cmp(&a.log_odds(rig)));
     let Some(best) = all.first() else { return Ok(Vec::new()) };
     if best.evidence() < LEAST_EVIDENCE {

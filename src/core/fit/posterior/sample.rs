@@ -24,6 +24,7 @@ use crate::fit::problem::fit_problem::Window;
 use crate::fit::progress::{OnProgress, Progress};
 use crate::fit::search::calibrator::Calibrator;
 use crate::fit::search::options::Options;
+use crate::model::stop;
 use crate::rig::Rig;
 
 /// Ensembles that know nothing of each other.
@@ -72,6 +73,7 @@ pub fn sample(
         let draws = draw(likelihood, wanted, options.seed, progress, &simulations);
         (draws, likelihood.free.clone(), likelihood.bounds(), scales, simulations.into_inner())
     })?;
+    stop::check()?;
     let Some((draws, of, bounds, scales, simulations)) = sampled else { return Ok(()) };
     let to_value = |a: usize, x: f64| match scales[a] {
         crate::model::parameter::Scale::Linear => x,

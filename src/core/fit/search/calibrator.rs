@@ -13,7 +13,7 @@ use crate::fit::progress::{OnProgress, Progress};
 use crate::fit::search::options::Options;
 use crate::fit::search::thresholds::{COARSE_SAMPLES, FINAL_REACHES, LOCKING_PER_STEP};
 use crate::model::effects::Chosen;
-use crate::model::{Model, ModelError};
+use crate::model::{Model, ModelError, stop};
 use crate::rig::{Rig, WaterProperties};
 
 /// Where a fit of one model stands.
@@ -139,6 +139,9 @@ impl<'a> Calibrator<'a> {
     }
 
     /// Least squares from `values`, with progress under the name of the `stage`.
+    ///
+    /// # Errors
+    /// A model that cannot be simulated at its start, a computation that was stopped.
     pub(crate) fn minimise(
         &self,
         problem: &FitProblem,
@@ -153,6 +156,7 @@ impl<'a> Calibrator<'a> {
             (self.progress)(&at.passing(problem.passing(x)));
         })?;
         self.count(solution.evaluations);
+        stop::check()?;
         Ok(solution)
     }
 

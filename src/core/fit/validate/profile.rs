@@ -29,6 +29,7 @@ use crate::fit::search::options::Options;
 use crate::fit::search::thresholds::{FINAL_REACHES, PATIENCE};
 use crate::fit::validate::profile::walk::{End, Start, walk};
 use crate::fit::validate::thresholds::PROFILE_COST_TOLERANCE;
+use crate::model::stop;
 use crate::rig::Rig;
 
 /// Profiles of a fit.
@@ -127,5 +128,6 @@ pub fn profiles(
         }
     };
     let of_each = which.par_iter().map(one).collect();
+    stop::check()?;
     Ok(Profiles { of_each, below_fit, evaluations: ctx.evaluations.load(Ordering::Relaxed) })
 }
