@@ -42,7 +42,7 @@
 //! | [`storage`] | recordings on disk: MCAP writer, reader, recovery; import and export |
 //! | [`draft`] | what a file of a test tells of its rig |
 //! | [`record`] | live streams: wire protocols, ports, sessions |
-//! | `live` | what is recorded, over a WebSocket while it is (feature `live`) |
+//! | [`live`] | what is recorded, over a WebSocket while it is |
 //! | [`simulate`] | simulated runs and devices |
 //! | [`results`] | fits and models as files, and every run of a folder in an index |
 //! | [`study`] | the front door |
@@ -77,7 +77,6 @@
 pub mod campaign;
 pub mod cli;
 pub mod draft;
-#[cfg(feature = "live")]
 pub mod live;
 mod own_host;
 pub mod record;

@@ -24,7 +24,6 @@ pub(crate) fn is_own_host(host: &str, own: SocketAddr) -> bool {
 }
 
 /// Whether a host, with or without a port, is this machine.
-#[cfg(feature = "live")]
 pub(crate) fn is_this_machine(host: &str) -> bool {
     let Ok(said) = host.parse::<Authority>() else { return false };
     !host.contains('@') && literal(&said).map_or(said.host().eq_ignore_ascii_case("localhost"), |ip| ip.is_loopback())

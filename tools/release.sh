@@ -16,7 +16,7 @@ name=surgescope-$version-$target
 
 # No path of this machine goes into the program.
 export RUSTFLAGS="--remap-path-prefix=${CARGO_HOME:-$HOME/.cargo}=cargo --remap-path-prefix=$PWD=surgescope"
-cargo build --locked --profile dist --package surgescope --features live
+cargo build --locked --profile dist --package surgescope
 program=target/dist/surgescope
 
 rm -rf target/man target/completions

@@ -20,7 +20,7 @@ def cargo(*arguments):
 
 def linked():
     """Name and version of each package that is linked."""
-    tree = cargo("tree", "--locked", "--package", "surgescope", "--features", "live", "--edges", "normal", "--prefix", "none", "--format", "{p}")
+    tree = cargo("tree", "--locked", "--package", "surgescope", "--edges", "normal", "--prefix", "none", "--format", "{p}")
     named = (line.split() for line in tree.splitlines() if line)
     return {(words[0], words[1].lstrip("v")) for words in named}
 

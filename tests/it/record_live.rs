@@ -20,8 +20,6 @@ use surgescope::rig::{Device, Rig};
 use surgescope::storage as log;
 use tempfile::TempDir;
 
-#[cfg(not(feature = "live"))]
-use crate::common::refused;
 use crate::common::surgescope;
 
 pub const PERIOD_NS: u32 = 500_000;
@@ -529,14 +527,4 @@ fn a_line_with_a_nan_keeps_the_other_sensors() {
     let gap = recording.series[0].gaps[0];
     assert!((gap.to_s - gap.from_s - 0.06).abs() < 1e-9, "{gap:?}");
     assert!(summary.data_lost);
-}
-
-#[cfg(not(feature = "live"))]
-#[test]
-fn a_build_that_cannot_be_watched_says_how_to_get_one_that_can_and_records_nothing() {
-    let folder = TempDir::new().unwrap();
-    let file = folder.path().join("run.mcap");
-    let arguments = ["record", "--replay", crate::common::CREEP, "-o", file.to_str().unwrap(), "--live"];
-    refused(&arguments, &["this build has no --live", "cargo install --path . --features live"]);
-    assert!(!file.exists());
 }

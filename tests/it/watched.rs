@@ -1,6 +1,5 @@
 //! `record --live`: a client gets what the file gets, nobody can do more than watch, and a client that does not read
 //! changes nothing.
-#![cfg(feature = "live")]
 
 use std::collections::BTreeMap;
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};

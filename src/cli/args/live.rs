@@ -2,8 +2,11 @@
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 
+use crate::cli::console::last_words::tell_first;
 use crate::cli::console::outcome::AnyError;
-use crate::record::session::feed::Watched;
+use crate::cli::console::print::tell_warning;
+use crate::live::Server;
+use crate::record::session::feed::Feed;
 use crate::record::session::live_test::Options;
 use crate::recording::CsvFormat;
 use crate::rig::Rig;
@@ -16,8 +19,7 @@ const PORT: u16 = 8765;
 pub struct Live {
     /// Show in Foxglove or Lichtblick what is recorded, while it is: open a connection of the kind Foxglove WebSocket
     /// there, such as to ws://127.0.0.1:8765. ADDR is an address, a port or both [default: 127.0.0.1:8765]. The network
-    /// can reach any address that does not begin with 127, and everyone there can watch. Packages of a release can do
-    /// this; other builds need the feature `live`.
+    /// can reach any address that does not begin with 127, and everyone there can watch.
     #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = "127.0.0.1:8765", value_parser = address)]
     live: Option<SocketAddr>,
     /// Let pages of this origin watch, too, such as https://lichtblick.example; may be repeated. Known are Foxglove's
@@ -49,27 +51,6 @@ fn origin(text: &str) -> Result<String, String> {
 }
 
 impl Live {
-    /// Refuses early what this build cannot do.
-    ///
-    /// # Errors
-    /// `--live` in a build without it.
-    pub(crate) fn check(&self) -> Result<(), AnyError> {
-        if self.live.is_some() && cfg!(not(feature = "live")) {
-            return Err("this build has no --live: build it with `cargo install --path . --features live`, or take a package of a release, which has it".into());
-        }
-        Ok(())
-    }
-}
-
-/// The server of a recording, where one was asked for.
-#[cfg(feature = "live")]
-pub(crate) struct Shown(Option<crate::live::Server>);
-/// None in this build.
-#[cfg(not(feature = "live"))]
-pub(crate) struct Shown;
-
-#[cfg(feature = "live")]
-impl Live {
     /// Starts the server that was asked for; the options feed it.
     ///
     /// # Errors
@@ -79,12 +60,8 @@ impl Live {
         options: &Options,
         rig: &Rig,
         csv: Option<&CsvFormat>,
-    ) -> Result<(Options, Shown), AnyError> {
-        use crate::cli::console::last_words::tell_first;
-        use crate::cli::console::print::tell_warning;
-        use crate::record::session::feed::Feed;
-
-        let Some(asked) = self.live else { return Ok((options.clone(), Shown(None))) };
+    ) -> Result<(Options, Option<Server>), AnyError> {
+        let Some(asked) = self.live else { return Ok((options.clone(), None)) };
         let feed = Feed::new();
         let refused = |said: &str| match origin(said) {
             Ok(named) => {
@@ -92,7 +69,7 @@ impl Live {
             }
             Err(_) => tell_warning!("live: a page that does not say its origin ('{said}') was refused"),
         };
-        let server = crate::live::Server::start(asked, (rig, csv), feed.place(), self.live_origin.clone(), refused);
+        let server = Server::start(asked, (rig, csv), feed.place(), self.live_origin.clone(), refused);
         let server = server.map_err(|error| {
             let (ip, port) = (asked.ip(), asked.port());
             format!(
@@ -111,36 +88,7 @@ impl Live {
             lines.push(format!("from another computer, put this one's address in place of {}", address.ip()));
         }
         tell_first(lines);
-        Ok((Options { feed: Some(feed), ..options.clone() }, Shown(Some(server))))
-    }
-}
-
-#[cfg(feature = "live")]
-impl Shown {
-    /// To be called when the recording is over, and its options are gone.
-    pub(crate) fn finish(self) -> Option<Watched> {
-        self.0.map(crate::live::Server::finish)
-    }
-}
-
-#[cfg(not(feature = "live"))]
-impl Live {
-    /// Nothing to start: [`check`](Live::check) has refused.
-    pub(crate) fn start(
-        &self,
-        options: &Options,
-        _: &Rig,
-        _: Option<&CsvFormat>,
-    ) -> Result<(Options, Shown), AnyError> {
-        self.check().map(|()| (options.clone(), Shown))
-    }
-}
-
-#[cfg(not(feature = "live"))]
-impl Shown {
-    /// Nobody could watch.
-    pub(crate) fn finish(self) -> Option<Watched> {
-        None
+        Ok((Options { feed: Some(feed), ..options.clone() }, Some(server)))
     }
 }
 

@@ -17,6 +17,7 @@ use crate::cli::console::print::{say, say_text, tell, tell_warning};
 use crate::cli::console::progress::progress_bar;
 use crate::cli::console::recorded::table;
 use crate::cli::console::stop::{STOP, stop_on_signals};
+use crate::live::Server;
 use crate::model::effects::{Chosen, parse_list};
 use crate::record::clock::host_clock::HostClock;
 use crate::record::devices::source::Sources;
@@ -115,7 +116,6 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             .into());
         }
     }
-    args.live.check()?;
     stop_on_signals()?;
     let rig = args.rig.as_deref().map(Rig::load).transpose()?;
     let operator = args.operator.iter().map(|name| ("operator".to_owned(), name.clone()));
@@ -221,10 +221,10 @@ fn watched(
     record: impl FnOnce(&Options) -> Result<Summary, AnyError>,
 ) -> Result<(Summary, Option<Watched>), AnyError> {
     let options = args.triggers.applied(options, rig)?;
-    let (options, shown) = args.live.start(&options, rig, csv)?;
+    let (options, server) = args.live.start(&options, rig, csv)?;
     let summary = record(&options);
     drop(options);
-    let watched = shown.finish();
+    let watched = server.map(Server::finish);
     Ok((summary?, watched))
 }
 
