@@ -92,6 +92,8 @@ fn states_and_walls_converge_with_the_grid() {
     for (name, at, gives, law, more, values) in [
         ("my-wall", "wall", "friction_m_per_m", "a * Q * abs(Q) * b", "", &[2e5, 1.0][..]),
         ("my-vessel", "valve", "flow_out_m3_s", "a * 1e-6 * (H - x) * b", lagged, &[2.0, 1.0]),
+        ("my-regulator", "node", "head_loss_m", "a * 1e5 * Q * H / H0 * b", "", &[41.3, 30.0, 1.0]),
+        ("my-throttle", "valve", "head_loss_m", "a * 1e9 * Q * abs(Q) * b", "", &[3.0, 1.0]),
         ("my-lag", "sensor", "reading_m", "H + a * (x - H) * b", lagged, &[1.0, 1.0]),
     ] {
         let rig = rig_with(name, &file(name, at, gives, law, more));
@@ -100,5 +102,41 @@ fn states_and_walls_converge_with_the_grid() {
         let (first, second) = (relative_rms(&grids[0], &grids[1]), relative_rms(&grids[1], &grids[2]));
         assert!(first / second > 1.5, "{name}: {first} {second}");
         assert!(relative_rms(&grids[2], &base) > 10.0 * second, "{name}");
+    }
+}
+
+/// A loss at the supply is that of the catalogue's inlet, whose water outside has no inertia.
+#[test]
+fn a_loss_at_the_supply_is_that_of_an_inlet() {
+    let text = file("my-inlet", "supply", "head_loss_m", "a * Q * abs(Q) / Q0^2 * b", "");
+    let rig = rig_with("my-inlet", &text);
+    let k = 300.0;
+    let loss_m = k * 0.5f64.powi(2) / (2.0 * surgescope_core::units::GRAVITY_M_S2);
+    let own = traces(&rig, "my-inlet", &[loss_m, 1.0], 60);
+    let known = traces(&rig, "inlet-jet", &[k, 1.0, 0.0], 60);
+    assert!(largest(&own, &known) < 1e-9, "{}", largest(&own, &known));
+    assert!(largest(&own, &traces(&rig, "none", &[], 60)) > 1e-3, "it does nothing");
+}
+
+/// A flow out that is the share `s` of the flow behind it: by the characteristics of a pipe without friction,
+/// `ΔH = -z (1 + s) ΔQ` before the node and `ΔH - z ΔQ = 2 ΔH_valve` behind it, the wave of the closure goes on with
+/// `2 (1 + s)/(2 + s)` of its head.
+#[test]
+fn a_law_reads_the_flow_behind_a_flow_out() {
+    let rig = rig_with("my-share", &file("my-share", "node", "flow_out_m3_s", "a * Q * b", ""));
+    let water = water(&rig, 998.2);
+    let mut model = Model::new(&rig, &water, &parse_list("my-share").unwrap());
+    model.closure = |closing_time_s| Closure::FlowRamp { closing_time_s };
+    let run = RunValues { initial_velocity_m_s: 0.5, valve_head_m: 60.0, closing_time_s: 0.02, friction_scale: 0.0 };
+    let resolution = Resolution { reaches: 200, duration_s: 0.4 };
+    let probes = [Probe::head(30.0), Probe::Flow(30.0.into()), Probe::Flow(80.0.into())];
+    let rise_m = WAVE_SPEED_M_S * 0.5 / surgescope_core::units::GRAVITY_M_S2;
+    for (place_m, share) in [(60.0, 0.1), (60.2, 0.4)] {
+        let shared = [WAVE_SPEED_M_S, place_m, share, 1.0];
+        let traces = model.simulate(&Conditions::of(water), &shared, &run, resolution, &probes).unwrap().traces;
+        assert!((traces[1].at(0.0) / traces[2].at(0.0) - 1.0 - share).abs() < 1e-12);
+        let seen_m = traces[0].at(0.3) - traces[0].at(0.0);
+        let exact_m = rise_m * 2.0 * (1.0 + share) / (2.0 + share);
+        assert!((seen_m - exact_m).abs() < 1e-9 * exact_m, "{share}: {seen_m} {exact_m}");
     }
 }

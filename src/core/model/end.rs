@@ -73,7 +73,13 @@ impl<'a, const DOWNSTREAM: bool> End<'a, DOWNSTREAM> {
         self.steady_head_m + state.h[self.node]
     }
 
-    /// The same, as a deviation from that before the closure.
+    /// Flow along the line at the last step, m³/s.
+    #[inline(always)]
+    pub(crate) fn flow_m3_s(&self, state: &State) -> f64 {
+        state.u[self.node] / self.impedance
+    }
+
+    /// The head as a deviation from that before the closure.
     #[inline(always)]
     pub(crate) fn deviation_m(&self, state: &State) -> f64 {
         state.h[self.node]

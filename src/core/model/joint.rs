@@ -63,7 +63,7 @@ impl<'a> Joints<'a> {
                 let head_m = |&(j, weight): &(usize, f64)| weight * self.joints[j].right.deviation_m(state);
                 balance.spread(one, one.at.iter().map(head_m).sum());
             }
-            one.advance();
+            one.advance(one.at.last().map_or(0.0, |(j, _)| self.joints[*j].right.flow_m3_s(state)));
         }
     }
 

@@ -13,6 +13,10 @@
 
 /// An element that takes water out of a node: a leak, a branch, a gas volume, a moving wall. Heads are total heads, m.
 pub trait Shunt: Send {
+    /// Learns the flow that goes on behind it, m³/s, before [`Shunt::settle`] and with each step's solution.
+    fn passing(&mut self, flow_m3_s: f64) {
+        let _ = flow_m3_s;
+    }
     /// Outflow before the closure, m³/s; initialises the inner state.
     fn settle(&mut self, head_m: f64) -> f64;
     /// Outflow at the new time if the head is `head_m`, m³/s, and its derivative by the head (zero or more).
@@ -23,6 +27,10 @@ pub trait Shunt: Send {
 
 /// A head loss of any law of the flow, or a share of one, m.
 pub trait HeadLoss: Send {
+    /// Learns the head behind it, m, before [`HeadLoss::settle`] and with each step's solution.
+    fn facing(&mut self, head_m: f64) {
+        let _ = head_m;
+    }
     /// Loss before the closure; initialises the inner state.
     fn settle(&mut self, flow_m3_s: f64) -> f64;
     /// Loss at the new time, and its derivative by the flow (zero or more).
@@ -80,9 +88,10 @@ impl Spread {
         Spread { shunt, owner, at, by, flows_m3_s: [0.0; 3], flow_m3_s: 0.0, head_m: 0.0 }
     }
 
-    /// Outflow before the closure at an interpolated head, m³/s; initialises the inner state.
-    pub fn settle(&mut self, head_m: f64) -> f64 {
+    /// Outflow before the closure at an interpolated head where a flow goes on, m³/s; initialises the inner state.
+    pub fn settle(&mut self, head_m: f64, passing_m3_s: f64) -> f64 {
         self.head_m = head_m;
+        self.shunt.passing(passing_m3_s);
         self.flow_m3_s = self.shunt.settle(head_m);
         self.flows_m3_s = [self.flow_m3_s; 3];
         self.flow_m3_s
@@ -106,10 +115,11 @@ impl Spread {
         (self.head_m, self.flow_m3_s) = (head_m, flow_m3_s);
     }
 
-    /// Advances the inner state with the latest solution.
+    /// Advances the inner state with the latest solution, where a flow goes on.
     #[inline]
-    pub fn advance(&mut self) {
+    pub fn advance(&mut self, passing_m3_s: f64) {
         self.shunt.advance(self.head_m);
+        self.shunt.passing(passing_m3_s);
         self.flows_m3_s = [self.flow_m3_s, self.flows_m3_s[0], self.flows_m3_s[1]];
     }
 }
@@ -282,6 +292,8 @@ pub struct Node {
 impl Node {
     /// Steady state: returns head and flow before the node from those behind it.
     pub fn settle(&mut self, head_m: f64, flow_m3_s: f64) -> (f64, f64) {
+        self.shunts.iter_mut().for_each(|s| s.passing(flow_m3_s));
+        self.laws.iter_mut().for_each(|l| l.law.facing(head_m));
         let flow = flow_m3_s + self.taken_m3_s + self.shunts.iter_mut().map(|s| s.settle(head_m)).sum::<f64>();
         let drops = self.losses.iter_mut().map(|l| l.settle(flow)).chain(self.laws.iter_mut().map(|l| l.settle(flow)));
         (head_m + drops.sum::<f64>(), flow)
@@ -373,12 +385,14 @@ impl Node {
     pub fn advance(&mut self, solved: &Solved) {
         for shunt in &mut self.shunts {
             shunt.advance(solved.right_head_m);
+            shunt.passing(solved.right_flow_m3_s);
         }
         for loss in &mut self.losses {
             loss.advance(solved.left_flow_m3_s);
         }
         for law in &mut self.laws {
             law.advance(solved.left_flow_m3_s);
+            law.law.facing(solved.right_head_m);
         }
     }
 }

@@ -67,6 +67,10 @@ pub enum Gives {
     FlowOut,
     /// A head loss at a place, m.
     HeadLoss,
+    /// A head loss between the supply and the pipe, m.
+    HeadLossAtSupply,
+    /// A head loss just before the valve, m.
+    HeadLossAtValve,
     /// A flow out just before the valve, m³/s.
     FlowOutAtValve,
     /// The head of the supply, m.
@@ -93,11 +97,13 @@ pub const Q0: usize = 4;
 pub const Z: usize = 5;
 
 impl Gives {
-    const ALL: [(&'static str, &'static str, Gives); 6] = [
+    const ALL: [(&'static str, &'static str, Gives); 8] = [
         ("node", "flow_out_m3_s", Gives::FlowOut),
         ("node", "head_loss_m", Gives::HeadLoss),
         ("valve", "flow_out_m3_s", Gives::FlowOutAtValve),
+        ("valve", "head_loss_m", Gives::HeadLossAtValve),
         ("supply", "head_m", Gives::SupplyHead),
+        ("supply", "head_loss_m", Gives::HeadLossAtSupply),
         ("sensor", "reading_m", Gives::Reading),
         ("wall", "friction_m_per_m", Gives::Friction),
     ];
@@ -110,16 +116,23 @@ impl Gives {
     /// The inputs that the law has there: the others are not known where it is solved.
     pub fn inputs(self) -> &'static [usize] {
         match self {
-            Gives::FlowOut | Gives::FlowOutAtValve | Gives::Reading => &[T, H, H0, Z],
-            Gives::HeadLoss => &[T, Q, Q0],
+            Gives::FlowOut => &[T, H, Q, H0, Q0, Z],
+            Gives::FlowOutAtValve | Gives::Reading => &[T, H, H0, Z],
+            Gives::HeadLoss | Gives::Friction => &[T, H, Q, H0, Q0],
+            Gives::HeadLossAtSupply | Gives::HeadLossAtValve => &[T, Q, Q0],
             Gives::SupplyHead => &[T, H, H0],
-            Gives::Friction => &[T, H, Q, H0, Q0],
         }
     }
 
-    /// The input with which the law is solved.
-    pub fn moving(self) -> usize {
-        if self == Gives::HeadLoss { Q } else { H }
+    /// Whether it is a head loss.
+    pub fn is_loss(self) -> bool {
+        matches!(self, Gives::HeadLoss | Gives::HeadLossAtSupply | Gives::HeadLossAtValve)
+    }
+
+    /// The input with which the law is solved, the same before the closure, and the other two, which are as they were
+    /// at the last step.
+    pub fn moving(self) -> [usize; 4] {
+        if self.is_loss() { [Q, Q0, H, H0] } else { [H, H0, Q, Q0] }
     }
 }
 
@@ -406,7 +419,12 @@ rate = "(H - x) / 0.2"
     fn faults_name_line_and_column_and_what_was_meant() {
         for (from, to, place, words) in [
             ("cda_mm2 * 1e-6", "cda_mm * 1e-6", "x.toml:5:27:", "did you mean 'cda_mm2'"),
-            ("H > set_head_m", "Q > set_head_m", "x.toml:5:11:", "not known"),
+            (
+                "at = \"node\"\ngives = \"flow_out_m3_s\"\nlaw = \"if(H",
+                "at = \"supply\"\ngives = \"head_m\"\nlaw = \"if(Q",
+                "x.toml:5:11:",
+                "not known",
+            ),
             ("\"node\"", "\"nod\"", "x.toml:3:6:", "node, supply"),
             ("flow_out_m3_s", "head_m", "x.toml:4:9:", "flow_out_m3_s or head_loss_m"),
             ("[20, 200]", "[200, 20]", "x.toml:9:10:", "lesser"),

@@ -22,8 +22,8 @@ use crate::model::parameter::{Parameter, Scale};
 use crate::model::scene::{Scene, Site};
 use crate::model::steady::Steady;
 use crate::model::trace::Trace;
-use crate::rig::Rig;
 use crate::rig::own_effects::known;
+use crate::rig::{Rig, Upstream};
 
 /// One of them.
 pub struct OwnEffect(Definition);
@@ -114,12 +114,15 @@ impl Effect for OwnEffect {
         true
     }
     fn at_supply(&self) -> bool {
-        self.0.gives == Gives::SupplyHead
+        matches!(self.0.gives, Gives::SupplyHead | Gives::HeadLossAtSupply)
     }
     fn impossible(&self, rig: &Rig) -> Option<&'static str> {
         let supply = &rig.graph.nodes[rig.graph.supply()];
-        (self.at_supply() && !supply.kind.holds_given_head())
-            .then_some("no reservoir feeds the rig: the head of its tank or pump follows from its own law")
+        if self.at_supply() && !supply.kind.holds_given_head() {
+            return Some("no reservoir feeds the rig: the head of its tank or pump follows from its own law");
+        }
+        (self.0.gives == Gives::HeadLossAtSupply && rig.upstream == Upstream::Measured)
+            .then_some("the head that drives the model is measured in the pipe, behind its inlet")
     }
     fn remedy(&self, place: Option<&str>, sensor: Option<&str>) -> Option<String> {
         let at = place.or(sensor)?;
@@ -187,7 +190,8 @@ impl Effect for OwnEffect {
                 check(POSITION, position_m, inside, "inside the pipe, between supply and valve")?;
                 Place::At(position_m)
             }
-            (Gives::FlowOutAtValve, _) => Place::Valve,
+            (Gives::FlowOutAtValve | Gives::HeadLossAtValve, _) => Place::Valve,
+            (Gives::HeadLossAtSupply, _) => Place::Supply,
             _ => return Ok(Vec::new()),
         };
         if self.law(values)?.is_none() {
@@ -198,9 +202,11 @@ impl Effect for OwnEffect {
             place,
             make: Box::new(move |spot| {
                 let law = Running::new(&definition, values).at_elevation(spot.elevation_m);
-                match definition.gives {
-                    Gives::HeadLoss => Element::Drop(Box::new(Drop { law, share: spot.share, dt_s, time_s: 0.0 })),
-                    _ => Element::Shunt(Box::new(FlowOut { law, dt_s, time_s: 0.0 })),
+                // The supply's node counts what leaves the pipe as positive.
+                let share = if definition.gives == Gives::HeadLossAtSupply { -spot.share } else { spot.share };
+                match definition.gives.is_loss() {
+                    true => Element::Drop(Box::new(Drop { law, share, dt_s, time_s: 0.0 })),
+                    false => Element::Shunt(Box::new(FlowOut { law, dt_s, time_s: 0.0 })),
                 }
             }),
         }])

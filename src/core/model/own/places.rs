@@ -19,6 +19,10 @@ pub(crate) struct FlowOut {
 }
 
 impl Shunt for FlowOut {
+    fn passing(&mut self, flow_m3_s: f64) {
+        self.law.learn(flow_m3_s);
+    }
+
     fn settle(&mut self, head_m: f64) -> f64 {
         self.time_s = 0.0;
         self.law.settle(head_m)
@@ -37,31 +41,41 @@ impl Shunt for FlowOut {
 /// A share of a head loss at a node.
 pub(crate) struct Drop {
     pub law: Running,
+    /// Negative where the node counts a flow as positive that the law counts as negative.
     pub share: f64,
     pub dt_s: f64,
     /// Time of the last step.
     pub time_s: f64,
 }
 
+impl Drop {
+    fn at(&self, time_s: f64, flow_m3_s: f64) -> (f64, f64) {
+        let (drop_m, slope) = self.law.value(time_s, self.share.signum() * flow_m3_s);
+        (self.share * drop_m, self.share.abs() * slope)
+    }
+}
+
 impl HeadLoss for Drop {
+    fn facing(&mut self, head_m: f64) {
+        self.law.learn(head_m);
+    }
+
     fn settle(&mut self, flow_m3_s: f64) -> f64 {
         self.time_s = 0.0;
-        self.share * self.law.settle(flow_m3_s)
+        self.share * self.law.settle(self.share.signum() * flow_m3_s)
     }
 
     fn drop_m(&self, flow_m3_s: f64) -> (f64, f64) {
-        let (drop_m, slope) = self.law.value(self.time_s + self.dt_s, flow_m3_s);
-        (self.share * drop_m, self.share * slope)
+        self.at(self.time_s + self.dt_s, flow_m3_s)
     }
 
     fn steady_drop_m(&self, flow_m3_s: f64) -> (f64, f64) {
-        let (drop_m, slope) = self.law.value(0.0, flow_m3_s);
-        (self.share * drop_m, self.share * slope)
+        self.at(0.0, flow_m3_s)
     }
 
     fn advance(&mut self, flow_m3_s: f64) {
         self.time_s += self.dt_s;
-        self.law.advance(self.time_s, self.dt_s, flow_m3_s);
+        self.law.advance(self.time_s, self.dt_s, self.share.signum() * flow_m3_s);
     }
 }
 

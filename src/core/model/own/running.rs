@@ -2,7 +2,7 @@
 
 use std::cell::RefCell;
 
-use crate::model::own::file::{Definition, H0, INPUTS, Q0, T};
+use crate::model::own::file::{Definition, INPUTS, T};
 use crate::model::own::number::Dual;
 use crate::model::own::program::Program;
 
@@ -11,8 +11,11 @@ pub struct Running {
     law: Program,
     starts: Vec<Program>,
     rates: Vec<Program>,
-    /// The input with which the law is solved: head or flow.
+    /// See [`Gives::moving`](crate::model::own::file::Gives::moving).
     moving: usize,
+    before: usize,
+    other: usize,
+    other_before: usize,
     first_state: usize,
     work: RefCell<Work>,
 }
@@ -36,11 +39,15 @@ impl Running {
         let given = |i: usize| i.checked_sub(INPUTS.len()).and_then(|i| values.get(i)).copied();
         let first_state = INPUTS.len() + values.len();
         let inputs = vec![0.0; first_state + d.states.len()];
+        let [moving, before, other, other_before] = d.gives.moving();
         Running {
             law: d.law.bound(given),
             starts: d.states.iter().map(|s| s.start.bound(given)).collect(),
             rates: d.states.iter().map(|s| s.rate.bound(given)).collect(),
-            moving: d.gives.moving(),
+            moving,
+            before,
+            other,
+            other_before,
             first_state,
             work: RefCell::new(Work { inputs, scratch: Vec::new() }),
         }
@@ -52,11 +59,17 @@ impl Running {
         self
     }
 
+    /// Learns the flow where the law is solved with the head, or the head where it is solved with the flow.
+    #[inline]
+    pub fn learn(&mut self, other: f64) {
+        self.work.get_mut().inputs[self.other] = other;
+    }
+
     /// Starts from the steady state at a head or flow; returns the law's value there.
     pub fn settle(&mut self, steady: f64) -> f64 {
         let work = self.work.get_mut();
-        let before = if self.moving == crate::model::own::file::H { H0 } else { Q0 };
-        (work.inputs[T], work.inputs[self.moving], work.inputs[before]) = (0.0, steady, steady);
+        (work.inputs[T], work.inputs[self.moving], work.inputs[self.before]) = (0.0, steady, steady);
+        work.inputs[self.other_before] = work.inputs[self.other];
         for (k, start) in self.starts.iter().enumerate() {
             work.inputs[self.first_state + k] = work.run(start, usize::MAX).0;
         }
