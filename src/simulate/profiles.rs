@@ -37,10 +37,10 @@ pub struct Moment {
     pub velocity_m_s: Vec<f64>,
 }
 
-/// Profiles of a scenario in two dimensions at `position_m` along the line to the valve, at some times.
+/// Profiles of a scenario in two dimensions at `position_m` along the line to the valve (beyond its end: there), at some times.
 ///
 /// # Errors
-/// A place that is not on the line, a model without profiles, and as [`Scenario::probe`].
+/// A model without profiles, and as [`Scenario::probe`].
 pub fn profiles(
     scenario: &Scenario,
     position_m: f64,
@@ -52,10 +52,6 @@ pub fn profiles(
     };
     let (rig, water) = (&scenario.rig, &scenario.water);
     let line = rig.graph.line_to_valve();
-    let length_m = rig.line_length_m(line);
-    if !(0.0..=length_m).contains(&position_m) {
-        return Err(format!("the place of the profiles, {position_m} m, is not within 0 to {length_m} m").into());
-    }
     let mut end_m = 0.0;
     let pipe = rig.pipes_of(line).iter().find(|pipe| {
         end_m += pipe.length_m;

@@ -153,7 +153,13 @@ pub fn run(mut args: Args, json: bool) -> CommandResult {
     if let Some(path) = &args.output {
         output::check_series(path, &header(&scenario), args.overwrite, &rig)?;
     }
-    args.profiles.check(args.solver)?;
+    args.profiles.check(args.solver, &scenario)?;
+    output::check_apart(&[
+        ("-o", args.output.as_deref()),
+        ("--energy", args.energy.as_deref()),
+        ("--profiles", args.profiles.profiles.as_deref()),
+        ("--profiles-svg", args.profiles.profiles_svg.as_deref()),
+    ])?;
     let duration_s = args.duration.unwrap_or(10.0 * scenario.period_s());
     let start = Instant::now();
     let (traces, book) = scenario.simulate_with(duration_s, args.energy.is_some())?;
@@ -205,7 +211,7 @@ pub fn run(mut args: Args, json: bool) -> CommandResult {
 
 impl ProfileArgs {
     /// Refuses what cannot be written before anything is computed.
-    fn check(&self, solver: SolverChoice) -> Result<(), AnyError> {
+    fn check(&self, solver: SolverChoice, scenario: &Scenario) -> Result<(), AnyError> {
         let asked = self.profiles.is_some() || self.profiles_svg.is_some();
         if asked && !solver.quasi_2d() {
             return Err("velocity profiles need option `solver quasi-2d`: a model in one dimension has none".into());
@@ -213,17 +219,25 @@ impl ProfileArgs {
         if !asked && self.profiles_at.is_some() {
             return Err("option `profiles-at` is for `profiles` or `profiles-svg`: name a file".into());
         }
+        let (at_m, length_m) = self.place(scenario);
+        if at_m > length_m {
+            return Err(format!("the place of the profiles, {at_m} m, is not within 0 to {length_m} m").into());
+        }
         self.profiles.iter().try_for_each(|path| output::check_result(path, profiles::HEADING))?;
         self.profiles_svg.iter().try_for_each(|path| output::check_picture(path))
+    }
+
+    /// Where, and the length of the line, m.
+    fn place(&self, scenario: &Scenario) -> (f64, f64) {
+        let length_m = scenario.rig.line_length_m(scenario.rig.graph.line_to_valve());
+        (self.profiles_at.unwrap_or(0.5 * length_m), length_m)
     }
 
     fn write(&self, scenario: &Scenario, duration_s: f64, step_s: f64) -> Result<(), AnyError> {
         if self.profiles.is_none() && self.profiles_svg.is_none() {
             return Ok(());
         }
-        let halfway_m = 0.5 * scenario.rig.line_length_m(scenario.rig.graph.line_to_valve());
-        let at_m = self.profiles_at.unwrap_or(halfway_m);
-        let found = profiles_at(scenario, at_m, duration_s, times(step_s, duration_s))?;
+        let found = profiles_at(scenario, self.place(scenario).0, duration_s, times(step_s, duration_s))?;
         if let Some(path) = &self.profiles {
             output::write_with(path, |out| profiles::write_csv(&found, out))?;
         }
