@@ -29,6 +29,7 @@ pub mod notebook;
 pub mod page;
 pub mod pest;
 pub mod prediction;
+pub mod profiles;
 pub mod rig_drawing;
 pub mod rig_plan;
 pub mod sensitivity;

@@ -4,6 +4,7 @@ pub mod as_recorded;
 pub mod cavities;
 pub(crate) mod memory;
 pub mod playback;
+pub mod profiles;
 pub(crate) mod sampled;
 pub mod scenario;
 pub mod synthetic;

@@ -5,10 +5,12 @@ use crate::fit::outcome::fit::Fit;
 use crate::fit::posterior::doubt::find_bounds;
 use crate::fit::problem::method::Method;
 use crate::fit::progress::OnProgress;
+use crate::fit::search::calibrate::refine;
 use crate::fit::search::nested::calibrate_nested;
 use crate::fit::search::options::Options;
 use crate::model::ModelError;
-use crate::model::constraint::Given;
+use crate::model::constraint::{Constraint, Given};
+use crate::model::effects::unsteady_friction::{SCALE_1D, SCALE_2D, in_one_dimension, in_two_dimensions};
 use crate::model::effects::{Chosen, parse_list};
 use crate::rig::Rig;
 use crate::study::error::Result;
@@ -57,6 +59,7 @@ pub struct Calibrate<'a> {
     pub(crate) effects: std::result::Result<Vec<Chosen>, ModelError>,
     pub(crate) hold: Vec<Hold>,
     pub(crate) options: Options,
+    pub(crate) quasi_2d: bool,
 }
 
 impl Calibrate<'_> {
@@ -82,6 +85,19 @@ impl Calibrate<'_> {
     /// ```
     pub fn start(mut self, name: &str, value: f64) -> Self {
         self.options.starts_at.push(Given { name: name.to_owned(), run: None, value });
+        self
+    }
+
+    /// Ends with the quasi-2D model: first the optimum in one dimension, with unsteady friction at the textbook's
+    /// strength, then on from there with the velocity profile in place of that friction.
+    ///
+    /// ```no_run
+    /// # let study = surgescope::Study::open(["recordings/hdpe-creep.mcap"])?;
+    /// let fit = study.calibrate("viscoelastic-wall").quasi_2d().run()?;
+    /// # Ok::<(), surgescope::Error>(())
+    /// ```
+    pub fn quasi_2d(mut self) -> Self {
+        self.quasi_2d = true;
         self
     }
 
@@ -118,13 +134,27 @@ impl Calibrate<'_> {
     /// Effects that do not exist or exclude each other, a parameter that the model does not have, a model that cannot
     /// be simulated.
     pub fn run(self) -> Result<Fit> {
-        let effects = [self.effects?];
+        let mut effects = [self.effects?];
+        if self.quasi_2d {
+            effects = effects.map(|effects| in_one_dimension(&effects));
+        }
         let mut options = self.options;
         // The first that concerns a parameter counts.
         let held = constraints(self.rig, self.runs, &effects, &self.hold);
         options.constraints.splice(0..0, held.into_iter().flatten());
         let [effects] = effects;
+        let textbook = |name: &str| Constraint { name: name.to_owned(), run: None, lower: 1.0, upper: 1.0 };
+        // What is said of the profile is no parameter in one dimension.
+        let of_profile: Vec<_> = options.constraints.extract_if(.., |c| self.quasi_2d && c.name == SCALE_2D).collect();
+        options.constraints.extend(self.quasi_2d.then(|| textbook(SCALE_1D)));
         let mut fit = calibrate_nested(self.rig, self.runs, &effects, &options, self.on_progress)?;
+        if self.quasi_2d {
+            // The factor of one friction stands where that of the other stood.
+            options.constraints.retain(|c| c.name != SCALE_1D);
+            options.constraints.extend(of_profile.into_iter().chain([textbook(SCALE_2D)]));
+            let effects = in_two_dimensions(&fit.effects);
+            fit = refine(self.rig, self.runs, &effects, &fit.values(), &options, self.on_progress)?;
+        }
         find_bounds(&mut fit);
         Ok(fit)
     }

@@ -201,6 +201,7 @@ impl Study {
             effects: effects.chosen(),
             hold: Vec::new(),
             options: Options::default(),
+            quasi_2d: false,
         }
     }
 

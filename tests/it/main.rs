@@ -24,6 +24,7 @@ mod model_file;
 mod next;
 mod nominal;
 mod prediction;
+mod quasi_2d;
 mod record_bus;
 mod record_commands;
 mod record_devices;

@@ -83,7 +83,7 @@ const BRANCH: Row = Row {
     ..PLACE
 };
 
-const TABLE: [Row; 27] = [
+const TABLE: [Row; 28] = [
     Row { case: "base model", ..ROW },
     Row {
         effect: "viscoelastic-wall:2",
@@ -110,6 +110,15 @@ const TABLE: [Row; 27] = [
         gone: &[0.0],
         faint: &[1e-12],
         order: 1.0,
+        ..ROW
+    },
+    Row {
+        effect: "unsteady-friction/quasi-2d",
+        case: "kernel as 1/√t",
+        values: &[1.0],
+        gone: &[0.0],
+        faint: &[1e-12],
+        order: 1.5,
         ..ROW
     },
     Row {

@@ -10,6 +10,7 @@ mod gas;
 mod network;
 mod own;
 mod place;
+mod quasi_2d;
 mod unsteady_friction;
 mod wall;
 

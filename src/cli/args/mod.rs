@@ -15,5 +15,6 @@ pub(crate) mod profile;
 pub(crate) mod recordings;
 pub(crate) mod run_models;
 pub(crate) mod search;
+pub(crate) mod solver;
 pub(crate) mod triggers;
 pub mod values;

@@ -6,6 +6,7 @@ use crate::cli::args::creep_prior::WALL;
 use crate::cli::args::hold;
 use crate::cli::args::recordings;
 use crate::cli::args::search::Search;
+use crate::cli::args::solver::SolverChoice;
 use crate::cli::console::advice::Again;
 use crate::cli::console::document::say_document;
 use crate::cli::console::outcome::{CommandResult, Outcome};
@@ -36,6 +37,8 @@ pub struct Args {
     /// Effects added to the base model, such as viscoelastic-wall:2; `none` for the base model alone.
     #[arg(long, value_name = "A,B", value_parser = parse_list)]
     effects: Option<::std::vec::Vec<Chosen>>,
+    #[command(flatten)]
+    solver: SolverChoice,
     #[command(flatten)]
     search: Search,
     #[command(flatten)]
@@ -106,7 +109,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         priors = from.priors();
     }
     let mut models = args.against.clone();
-    models.push(effects);
+    models.push(args.solver.effects(&effects));
     let mut fits: Vec<(String, Fit)> = Vec::new();
     let held = hold::constraints(&study, &models, &args.hold);
     if let Some(last) = models.last() {
@@ -118,7 +121,11 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         }
         let priors = if i + 1 == models.len() { priors.clone() } else { Vec::new() };
         let options = Options { most_reaches: args.most_reaches, constraints, priors, ..searched.clone() };
-        let mut fit = shown(&mut study, "", |study| study.calibrate(effects).options(options.clone()).run())?;
+        let last = i + 1 == models.len();
+        let mut fit = shown(&mut study, "", |study| {
+            let calibrate = study.calibrate(effects).options(options.clone());
+            if last && args.solver.quasi_2d() { calibrate.quasi_2d() } else { calibrate }.run()
+        })?;
         if i + 1 == models.len() {
             args.profiles.apply(&study, &mut fit, &options)?;
             args.sampling.apply(&study, &mut fit, &options)?;

@@ -8,6 +8,7 @@ use serde_json::json;
 
 use crate::cli::args::beside::Beside;
 use crate::cli::args::recordings;
+use crate::cli::args::solver::SolverChoice;
 use crate::cli::args::values::{self, not_negative, positive, setting};
 use crate::cli::console::document::{document, say_document};
 use crate::cli::console::outcome::{AnyError, CommandResult, Outcome};
@@ -20,12 +21,14 @@ use crate::model::trace::Trace;
 use crate::record::session::output::check_path;
 use crate::report::energy;
 use crate::report::pest::observations::{HEADER, Table};
+use crate::report::profiles;
 use crate::report::text::number::rounded;
 use crate::rig::Rig;
 use crate::shown::Shown as _;
 use crate::simulate::as_recorded::as_recorded;
 use crate::simulate::cavities::unmodelled;
 use crate::simulate::playback::Timing;
+use crate::simulate::profiles::profiles as profiles_at;
 use crate::simulate::scenario::{Scenario, ValveForm};
 use crate::simulate::synthetic::{Instruments, recording_of};
 use crate::simulate::values_file;
@@ -50,6 +53,10 @@ pub struct Args {
     /// Effects added to the base model; `none` for the base model alone.
     #[arg(long, value_name = "A,B", default_value = "none", value_parser = parse_list)]
     effects: ::std::vec::Vec<Chosen>,
+    #[command(flatten)]
+    solver: SolverChoice,
+    #[command(flatten)]
+    profiles: ProfileArgs,
     /// Parameter values [default: the rig's values].
     #[arg(long, value_name = "NAME=VALUE", value_parser = setting, num_args = 1..)]
     set: Vec<(String, f64)>,
@@ -81,6 +88,21 @@ pub struct Args {
     energy: Option<PathBuf>,
 }
 
+/// What to write of the velocity profiles.
+#[derive(Debug, clap::Args)]
+struct ProfileArgs {
+    /// Write velocity profiles and wall shear at one place, at the same times; needs --solver quasi-2d; replaces an
+    /// older file of that name.
+    #[arg(long, value_name = "CSV", conflicts_with = "recording")]
+    profiles: Option<PathBuf>,
+    /// Draw a few of the profiles and the wall shear.
+    #[arg(long, value_name = "SVG", conflicts_with = "recording")]
+    profiles_svg: Option<PathBuf>,
+    /// Where, m along the line to the valve [default: halfway].
+    #[arg(long, value_name = "M", value_parser = not_negative, allow_negative_numbers = true)]
+    profiles_at: Option<f64>,
+}
+
 /// How a simulated test is recorded.
 #[derive(Debug, clap::Args)]
 struct InstrumentArgs {
@@ -110,6 +132,7 @@ const MOST_ROWS: f64 = 1e8;
 /// A rig that cannot be read, settings that do not exist or are out of range, a file that cannot be written.
 pub fn run(mut args: Args, json: bool) -> CommandResult {
     let given = given(&args)?;
+    args.effects = args.solver.effects(&args.effects);
     let rig = match args.rig.clone() {
         Some(rig) if args.beside.recording.is_empty() => rig,
         _ => return run_beside(&args, given, json),
@@ -130,6 +153,13 @@ pub fn run(mut args: Args, json: bool) -> CommandResult {
     if let Some(path) = &args.output {
         output::check_series(path, &header(&scenario), args.overwrite, &rig)?;
     }
+    args.profiles.check(args.solver, &scenario)?;
+    output::check_apart(&[
+        ("-o", args.output.as_deref()),
+        ("--energy", args.energy.as_deref()),
+        ("--profiles", args.profiles.profiles.as_deref()),
+        ("--profiles-svg", args.profiles.profiles_svg.as_deref()),
+    ])?;
     let duration_s = args.duration.unwrap_or(10.0 * scenario.period_s());
     let start = Instant::now();
     let (traces, book) = scenario.simulate_with(duration_s, args.energy.is_some())?;
@@ -155,6 +185,7 @@ pub fn run(mut args: Args, json: bool) -> CommandResult {
             other => other?,
         },
     }
+    args.profiles.write(&scenario, duration_s, step_s)?;
     let kept = args.energy.as_deref().zip(book.as_ref());
     if let Some((path, book)) = kept {
         output::check_series(path, &format!("time_s,{}", book.columns().join(",")), args.overwrite, &rig)?;
@@ -178,6 +209,45 @@ pub fn run(mut args: Args, json: bool) -> CommandResult {
     Ok(Outcome::Done)
 }
 
+impl ProfileArgs {
+    /// Refuses what cannot be written before anything is computed.
+    fn check(&self, solver: SolverChoice, scenario: &Scenario) -> Result<(), AnyError> {
+        let asked = self.profiles.is_some() || self.profiles_svg.is_some();
+        if asked && !solver.quasi_2d() {
+            return Err("velocity profiles need option `solver quasi-2d`: a model in one dimension has none".into());
+        }
+        if !asked && self.profiles_at.is_some() {
+            return Err("option `profiles-at` is for `profiles` or `profiles-svg`: name a file".into());
+        }
+        let (at_m, length_m) = self.place(scenario);
+        if at_m > length_m {
+            return Err(format!("the place of the profiles, {at_m} m, is not within 0 to {length_m} m").into());
+        }
+        self.profiles.iter().try_for_each(|path| output::check_result(path, profiles::HEADING))?;
+        self.profiles_svg.iter().try_for_each(|path| output::check_picture(path))
+    }
+
+    /// Where, and the length of the line, m.
+    fn place(&self, scenario: &Scenario) -> (f64, f64) {
+        let length_m = scenario.rig.line_length_m(scenario.rig.graph.line_to_valve());
+        (self.profiles_at.unwrap_or(0.5 * length_m), length_m)
+    }
+
+    fn write(&self, scenario: &Scenario, duration_s: f64, step_s: f64) -> Result<(), AnyError> {
+        if self.profiles.is_none() && self.profiles_svg.is_none() {
+            return Ok(());
+        }
+        let found = profiles_at(scenario, self.place(scenario).0, duration_s, times(step_s, duration_s))?;
+        if let Some(path) = &self.profiles {
+            output::write_with(path, |out| profiles::write_csv(&found, out))?;
+        }
+        if let Some(path) = &self.profiles_svg {
+            output::write(path, &profiles::picture(&found))?;
+        }
+        Ok(())
+    }
+}
+
 impl InstrumentArgs {
     fn first_given(&self) -> Option<&'static str> {
         let given = [("seed", self.seed.is_some()), ("rate", self.rate.is_some()), ("noise-m", self.noise_m.is_some())];
@@ -188,6 +258,9 @@ impl InstrumentArgs {
 /// The model as a laboratory would have recorded it.
 fn run_recorded(args: &Args, scenario: &Scenario, path: &Path, json: bool) -> CommandResult {
     check_path(path)?;
+    if args.profiles.profiles.is_some() || args.profiles.profiles_svg.is_some() {
+        return Err("option `profiles` needs a time series (.csv) as output, not a recording".into());
+    }
     if args.energy.is_some() {
         return Err("option `energy` needs a time series (.csv) as output, not a recording".into());
     }

@@ -36,7 +36,8 @@ fn is_in(effect: &dyn Effect, start: &[Chosen]) -> bool {
 
 fn forms(rig: &Rig, effect: &'static dyn Effect) -> Vec<Form> {
     let closing = rig.graph.closing_valves();
-    let variants = std::iter::once(effect).chain(effect.variants().iter().copied());
+    let variants =
+        std::iter::once(effect).chain(effect.variants().iter().copied()).filter(|variant| variant.searched());
     variants
         .flat_map(|variant| {
             let form = Chosen::of(variant);

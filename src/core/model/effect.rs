@@ -111,6 +111,11 @@ pub trait Effect: Sync {
     fn least_runs(&self) -> usize {
         1
     }
+    /// Whether a diagnosis tries it. Another way to compute what a cheaper form of the same effect stands for is left to
+    /// those who ask for it.
+    fn searched(&self) -> bool {
+        true
+    }
     /// Prior odds that it is at work, relative to other effects.
     fn odds(&self, known: &Circumstances) -> f64 {
         let _ = known;

@@ -66,7 +66,7 @@ pub struct Remembered {
 }
 
 /// A weighting function over one step.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Steps {
     /// The exponentials that outlast one step.
     pub remembered: Vec<Remembered>,
@@ -75,6 +75,25 @@ pub struct Steps {
 }
 
 impl Steps {
+    /// A sum of exponentials `m exp(-nθ)`, each given as `(n, m)`, the slowest first, over steps `Δθ`.
+    pub fn of(terms: impl IntoIterator<Item = (f64, f64)>, step: f64) -> Steps {
+        let mut steps = Steps::default();
+        terms.into_iter().for_each(|term| steps.add(term, step));
+        steps
+    }
+
+    fn add(&mut self, (n, m): (f64, f64), step: f64) {
+        let r = n * step;
+        // (1 - exp(-r))/r, by its series if the difference would lose digits.
+        let mean = m * if r < 1e-5 { 1.0 - 0.5 * r } else { -(-r).exp_m1() / r };
+        // The slowest term always stays, whatever the step.
+        if r < FORGOTTEN || self.remembered.is_empty() {
+            self.remembered.push(Remembered { decay: (-r).exp(), mean });
+        } else {
+            self.forgotten += mean;
+        }
+    }
+
     /// Mean of the weighting function over the first step.
     pub fn first_mean(&self) -> f64 {
         self.forgotten + self.remembered.iter().map(|term| term.mean).sum::<f64>()
@@ -103,18 +122,8 @@ impl Kernel {
     /// far as a step distinguishes them from zero. The means of all further terms, a geometric series, are summed in
     /// closed form.
     pub fn steps(&self, step: f64) -> Steps {
-        let mut steps = Steps { remembered: Vec::new(), forgotten: 0.0 };
-        let mut add = |(n, m): (f64, f64)| {
-            let r = (n + self.faster) * step;
-            // (1 - exp(-r))/r, by its series if the difference would lose digits.
-            let mean = self.amplitude * m * if r < 1e-5 { 1.0 - 0.5 * r } else { -(-r).exp_m1() / r };
-            // The slowest term always stays, whatever the step.
-            if r < FORGOTTEN || steps.remembered.is_empty() {
-                steps.remembered.push(Remembered { decay: (-r).exp(), mean });
-            } else {
-                steps.forgotten += mean;
-            }
-        };
+        let mut steps = Steps::default();
+        let mut add = |(n, m): (f64, f64)| steps.add((n + self.faster, self.amplitude * m), step);
         self.terms.iter().copied().for_each(&mut add);
         let root = self.ratio.sqrt();
         let (mut n, mut m) = self.terms[self.terms.len() - 1];

@@ -26,7 +26,7 @@ pub(crate) mod sensor_gain;
 pub(crate) mod sensor_lag;
 pub(crate) mod side_branch;
 pub(crate) mod supply_drift;
-pub(crate) mod unsteady_friction;
+pub mod unsteady_friction;
 pub(crate) mod valve_law;
 pub(crate) mod valve_seat_leak;
 pub(crate) mod vapour_cavity;

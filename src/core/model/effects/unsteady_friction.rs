@@ -1,19 +1,21 @@
 //! Wall friction that depends on the history of the flow: as a convolution with its past acceleration, or, as a
-//! variant, from its momentary acceleration alone.
+//! variants, from its momentary acceleration alone or from the velocity profile at every node.
 
 use std::ops::Range;
 
+use crate::model::chosen::Chosen;
 use crate::model::contribution::{Implicit, LineTerm};
+use crate::model::convolution::Convolution;
+use crate::model::eddy_viscosity::EddyViscosity;
 use crate::model::effect::{Effect, check};
 use crate::model::error::ModelError;
 use crate::model::grid::Segment;
 use crate::model::parameter::Parameter;
+use crate::model::profile::Profile;
 use crate::model::scene::Site;
 use crate::model::steady::Steady;
-use crate::model::unsteady_kernels::Kernel;
+use crate::model::unsteady_kernels::{Kernel, Steps};
 use crate::rig::Regime;
-use crate::units::GRAVITY_M_S2;
-use crate::wide::widened;
 
 /// Convolution with the history of the flow; see the module.
 pub struct UnsteadyFriction;
@@ -23,7 +25,20 @@ pub struct Brunone;
 
 const CONVOLUTION: &str = "unsteady-friction";
 const BRUNONE: &str = "unsteady-friction/brunone";
+const QUASI_2D: &str = "unsteady-friction/quasi-2d";
+/// Name of the factor on the convolution with the history of the flow.
+pub const SCALE_1D: &str = "unsteady_friction_scale";
+/// Name of the factor on what the velocity profile adds.
+pub const SCALE_2D: &str = "quasi_2d_scale";
 const ONE_LAW: &str = "both describe the same friction, which would count twice";
+
+/// The velocity profile at every node; see [`profile`](crate::model::profile).
+pub struct QuasiTwoD;
+
+/// Number of terms that reaches down to the steps of the finest grids, about a microsecond in pipes of centimetres.
+const MOST_TERMS: usize = 20;
+/// The same of a profile, whose every ring has one.
+const MOST_RINGS: usize = 120;
 
 /// Uncertainty of the textbook's strength: the scatter of published tests.
 const SCALE_DEVIATION: f64 = 0.3;
@@ -57,13 +72,13 @@ impl Effect for UnsteadyFriction {
         "decay faster than steady friction's, fronts rounded as √t and slightly late; weaker at high Reynolds numbers"
     }
     fn variants(&self) -> &'static [&'static dyn Effect] {
-        &[&Brunone]
+        &[&Brunone, &QuasiTwoD]
     }
     fn excludes(&self) -> &'static [(&'static str, &'static str)] {
-        &[(BRUNONE, ONE_LAW)]
+        &[(BRUNONE, ONE_LAW), (QUASI_2D, ONE_LAW)]
     }
     fn parameters(&self, _site: &Site, _elements: usize) -> Vec<Parameter> {
-        vec![scale("unsteady_friction_scale", "multiplies the unsteady friction; 1 is the textbook value")]
+        vec![scale(SCALE_1D, "multiplies the unsteady friction; 1 is the textbook value")]
     }
 
     fn kept_per_node(&self, _elements: usize) -> usize {
@@ -72,142 +87,11 @@ impl Effect for UnsteadyFriction {
 
     fn line_terms(&self, values: &[f64], steady: &Steady) -> Result<Vec<Box<dyn LineTerm>>, ModelError> {
         let [scale] = *values else { return Ok(Vec::new()) };
-        check("unsteady_friction_scale", scale, scale >= 0.0, "zero or more")?;
-        let segments = steady.grid.segments.iter().zip(&steady.flow_m3_s);
-        let segments: Vec<Decays> =
-            segments.map(|(segment, &flow)| Decays::new(segment, flow, scale, steady)).collect();
-        let together = steady.grid.together(|a, b| segments[a] == segments[b]);
-        let memories = together.into_iter().map(|(segment, nodes)| Memory::of(&segments, segment, nodes)).collect();
-        Ok(vec![Box::new(Convolution { segments, memories })])
-    }
-}
-
-/// Number of terms that reaches down to the steps of the finest grids, about a microsecond in pipes of centimetres.
-const MOST_TERMS: usize = 20;
-/// Nodes per block: one pass over a block keeps its sums and flows in registers.
-const BLOCK: usize = 8;
-
-/// How the nodes of a segment remember.
-///
-/// With `u` linear over a step, `y⁺ = E y + M (u⁺ - u)` is exact for each exponential; `E` and `M` are its decay and
-/// mean. The state is `x = M u - E y`, the part that is known before the next step: `y⁺ = M u⁺ - x`, `x⁺ = E x + M (1 -
-/// E) u⁺`. The new flow enters implicitly; explicitly, the error would fall only as the root of the step.
-#[derive(PartialEq)]
-struct Decays {
-    /// `c Σ M`, where `c Σ y` is the head that the term takes over half a reach.
-    mu: f64,
-    /// The part of `mu` from exponentials that do not outlast a step.
-    forgotten: f64,
-    /// `E` and `c M (1 - E)` of each exponential.
-    terms: Vec<(f64, f64)>,
-    /// `c x` before the closure.
-    steady: Vec<f64>,
-    /// `u` before the closure.
-    steady_u: f64,
-}
-
-/// The memory of nodes that remember alike.
-struct Memory {
-    /// A segment that they are of.
-    segment: usize,
-    nodes: Range<usize>,
-    /// `c x`: blocks of nodes, in each block one exponential after the other.
-    states: Vec<[f64; BLOCK]>,
-}
-
-impl Decays {
-    fn new(segment: &Segment, flow_m3_s: f64, scale: f64, steady: &Steady) -> Self {
-        let viscosity = steady.viscosity_m2_s;
-        let by_diffusion_s = 4.0 * viscosity / segment.mean(|s| s.diameter_m).powi(2);
-        let kernel = Kernel::of(reynolds(segment, flow_m3_s, viscosity), segment.regime());
-        let steps = kernel.steps(by_diffusion_s * steady.grid.dt_s);
-        // ½ dx (16ν/D²)/g of velocity, for u = B Q.
-        let by_area = segment.mean(|s| 1.0 / (s.area_m2() * s.diameter_m * s.diameter_m));
-        let c = scale * 8.0 * viscosity * by_area * segment.reach_m / (GRAVITY_M_S2 * segment.impedance);
-        let steady_u = segment.impedance * flow_m3_s;
-        Decays {
-            mu: c * steps.first_mean(),
-            forgotten: c * steps.forgotten,
-            terms: steps.remembered.iter().map(|term| (term.decay, c * term.mean * (1.0 - term.decay))).collect(),
-            steady: steps.remembered.iter().map(|term| c * term.mean * steady_u).collect(),
-            steady_u,
-        }
-    }
-}
-
-impl Memory {
-    fn of(segments: &[Decays], segment: usize, nodes: Range<usize>) -> Self {
-        let rest: Vec<[f64; BLOCK]> = segments[segment].steady.iter().map(|&x| [x; BLOCK]).collect();
-        let states = rest.repeat(nodes.len().div_ceil(BLOCK));
-        Memory { segment, nodes, states }
-    }
-
-    /// One block: takes its new flows and adds the known part of the next step. Loops by index: adapters of iterators
-    /// are functions of their own, which a build in many units leaves as calls, ten times slower.
-    #[inline(always)]
-    fn advance(
-        terms: &[(f64, f64)],
-        forgotten: f64,
-        states: &mut [[f64; BLOCK]],
-        u: &[f64; BLOCK],
-        momentum: &mut [f64; BLOCK],
-    ) {
-        let mut known = [0.0; BLOCK];
-        for i in 0..BLOCK {
-            known[i] = forgotten * u[i];
-        }
-        for k in 0..terms.len().min(states.len()) {
-            let ((decay, gain), state) = (terms[k], &mut states[k]);
-            for i in 0..BLOCK {
-                state[i] = decay * state[i] + gain * u[i];
-                known[i] += state[i];
-            }
-        }
-        for i in 0..BLOCK {
-            momentum[i] += known[i];
-        }
-    }
-}
-
-widened! {
-    over u.len();
-    fn advance_blocks(terms: &[(f64, f64)], forgotten: f64, states: &mut [[f64; BLOCK]], u: &[f64], momentum: &mut [f64]) {
-        let (whole_u, last_u) = u.as_chunks::<BLOCK>();
-        let (whole_d, last_d) = momentum.as_chunks_mut::<BLOCK>();
-        let count = terms.len();
-        for i in 0..whole_u.len().min(whole_d.len()) {
-            Memory::advance(terms, forgotten, &mut states[i * count..][..count], &whole_u[i], &mut whole_d[i]);
-        }
-        if !last_u.is_empty() {
-            let (mut padded_u, mut padded_d) = ([0.0; BLOCK], [0.0; BLOCK]);
-            padded_u[..last_u.len()].copy_from_slice(last_u);
-            padded_d[..last_d.len()].copy_from_slice(last_d);
-            Memory::advance(terms, forgotten, &mut states[whole_u.len() * count..], &padded_u, &mut padded_d);
-            last_d.copy_from_slice(&padded_d[..last_d.len()]);
-        }
-    }
-}
-
-struct Convolution {
-    segments: Vec<Decays>,
-    memories: Vec<Memory>,
-}
-
-impl LineTerm for Convolution {
-    fn implicit(&self, segment: usize) -> Implicit {
-        Implicit { kappa: 0.0, mu: self.segments[segment].mu }
-    }
-
-    fn known(&self, segment: usize, _storage: &mut [f64], momentum: &mut [f64]) {
-        let decays = &self.segments[segment];
-        momentum.iter_mut().for_each(|d| *d += decays.mu * decays.steady_u);
-    }
-
-    fn advance(&mut self, _h: &[f64], u: &[f64], _storage: &mut [f64], momentum: &mut [f64]) {
-        for Memory { segment, nodes, states } in &mut self.memories {
-            let Decays { terms, forgotten, .. } = &self.segments[*segment];
-            advance_blocks(terms, *forgotten, states, &u[nodes.clone()], &mut momentum[nodes.clone()]);
-        }
+        check(SCALE_1D, scale, scale >= 0.0, "zero or more")?;
+        let memory = |segment: &Segment, flow_m3_s: f64, step: f64| {
+            Kernel::of(reynolds(segment, flow_m3_s, steady.viscosity_m2_s), segment.regime()).steps(step)
+        };
+        Ok(vec![Box::new(Convolution::new(steady, scale, memory))])
     }
 }
 
@@ -229,7 +113,7 @@ impl Effect for Brunone {
         "decay and a slightly longer period; the first rise stays Joukowsky's, fronts keep their shape"
     }
     fn excludes(&self) -> &'static [(&'static str, &'static str)] {
-        &[(CONVOLUTION, ONE_LAW)]
+        &[(CONVOLUTION, ONE_LAW), (QUASI_2D, ONE_LAW)]
     }
     fn parameters(&self, _site: &Site, _elements: usize) -> Vec<Parameter> {
         vec![scale("brunone_scale", "multiplies Brunone's coefficient k; 1 is that of Vardy's shear decay")]
@@ -312,4 +196,83 @@ impl LineTerm for Acceleration {
             }
         }
     }
+}
+
+impl Effect for QuasiTwoD {
+    fn name(&self) -> &'static str {
+        QUASI_2D
+    }
+    fn summary(&self) -> &'static str {
+        "wall shear of the velocity profile at every node: the quasi-2D model"
+    }
+    fn equation(&self) -> &'static str {
+        "dv/dt + g dH/dx = 1/r d/dr(r n ν dv/dr) in rings, v their mean V;  n = 1 if laminar, else the five regions of the flow before \
+         the closure, with the wall shifted to the rig's friction; the steady profile takes the rig's f V|V|/(2D)"
+    }
+    fn source(&self) -> &'static str {
+        "Vardy & Hwang (1991), J. Hydraul. Res. 29:669-684; Pezzinga (1999), J. Hydraul. Eng. 125:676-685; Zhao & Ghidaoui (2003), \
+         J. Hydraul. Eng. 129:1007-1013; viscosity by Kita et al. (1980)"
+    }
+    fn trace(&self) -> &'static str {
+        "that of unsteady friction, for any Reynolds number and a rough wall too"
+    }
+    fn excludes(&self) -> &'static [(&'static str, &'static str)] {
+        &[(CONVOLUTION, ONE_LAW), (BRUNONE, ONE_LAW)]
+    }
+    fn searched(&self) -> bool {
+        false
+    }
+    fn parameters(&self, _site: &Site, _elements: usize) -> Vec<Parameter> {
+        vec![scale(SCALE_2D, "multiplies what the profile adds to steady friction; 1 is the profile itself")]
+    }
+
+    fn kept_per_node(&self, _elements: usize) -> usize {
+        MOST_RINGS
+    }
+
+    fn line_terms(&self, values: &[f64], steady: &Steady) -> Result<Vec<Box<dyn LineTerm>>, ModelError> {
+        let [scale] = *values else { return Ok(Vec::new()) };
+        check(SCALE_2D, scale, scale >= 0.0, "zero or more")?;
+        // Segments of one pipe have the same rings.
+        let mut last: Option<((EddyViscosity, f64), Steps)> = None;
+        let memory = |segment: &Segment, flow_m3_s: f64, step: f64| {
+            let own = (viscosity(segment, flow_m3_s, steady.viscosity_m2_s), step);
+            if let Some((_, steps)) = last.as_ref().filter(|(known, _)| *known == own) {
+                return steps.clone();
+            }
+            let steps = Steps::of(Profile::new(own.0, step).weights(), step);
+            last.insert((own, steps)).1.clone()
+        };
+        Ok(vec![Box::new(Convolution::new(steady, scale, memory))])
+    }
+}
+
+/// The same effects with friction from the velocity profile in place of any other unsteady friction.
+pub fn in_two_dimensions(effects: &[Chosen]) -> Vec<Chosen> {
+    replaced(effects, &QuasiTwoD)
+}
+
+/// The same with the convolution in place of it, which is nearly as right in one dimension.
+pub fn in_one_dimension(effects: &[Chosen]) -> Vec<Chosen> {
+    replaced(effects, &UnsteadyFriction)
+}
+
+/// In its place, or at the end.
+fn replaced(effects: &[Chosen], friction: &'static dyn Effect) -> Vec<Chosen> {
+    let mut effects = effects.to_vec();
+    match effects.iter().position(|c| [CONVOLUTION, BRUNONE, QUASI_2D].contains(&c.effect.name())) {
+        Some(i) => effects[i] = Chosen::of(friction),
+        None => effects.push(Chosen::of(friction)),
+    }
+    effects
+}
+
+/// Viscosity of the flow before the closure, from what friction takes of it.
+fn viscosity(segment: &Segment, flow_m3_s: f64, viscosity_m2_s: f64) -> EddyViscosity {
+    if segment.regime() == Regime::Laminar {
+        return EddyViscosity::LAMINAR;
+    }
+    let slope = segment.reach_loss_m(flow_m3_s).abs() / segment.reach_m;
+    let diameter_m = segment.mean(|s| s.diameter_m);
+    EddyViscosity::of_flow(reynolds(segment, flow_m3_s, viscosity_m2_s), slope, diameter_m, viscosity_m2_s)
 }
