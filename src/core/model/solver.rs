@@ -11,7 +11,7 @@ use crate::model::late::Late;
 use crate::model::node::{Node, Spread};
 use crate::model::state::{LineTerms, Reading, State};
 use crate::model::steady::Steady;
-use crate::model::stop::Stop;
+use crate::model::stop::Heeded;
 use crate::model::trace::{Probe, Trace};
 use crate::model::wall_waves::WallWaves;
 use crate::rig::{Graph, Place};
@@ -164,9 +164,9 @@ widened! {
         balance: &mut Option<Balance>,
     ) -> Result<(), ModelError> {
         let grid = lines.steady.grid;
-        let stop = Stop::heeded();
+        let heeded = Heeded::by_this_thread();
         for step in 1..=steps {
-            stop.check()?;
+            heeded.check()?;
             let time_s = step as f64 * grid.dt_s;
             lines.step(state, time_s, balance.as_mut());
             state.read(traces, readings);

@@ -9,7 +9,7 @@ use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 use crate::model::error::ModelError;
 
 thread_local! {
-    static HEEDED: RefCell<Stop> = RefCell::default();
+    static HEEDED: RefCell<Option<Stop>> = const { RefCell::new(None) };
 }
 
 /// Stops computations, from any thread, for good. Clones stop the same ones.
@@ -19,7 +19,7 @@ pub struct Stop(Arc<AtomicBool>);
 impl Stop {
     /// Makes simulations on this thread heed this: once it is stopped, they fail with [`ModelError::Stopped`].
     pub fn heed(&self) {
-        HEEDED.set(self.clone());
+        HEEDED.set(Some(self.clone()));
     }
 
     /// So many threads, or one a core where none is said, on which simulations heed this.
@@ -29,11 +29,6 @@ impl Stop {
     pub fn threads(&self, most: Option<usize>) -> Result<ThreadPool, ThreadPoolBuildError> {
         let stop = self.clone();
         ThreadPoolBuilder::new().num_threads(most.unwrap_or(0)).start_handler(move |_| stop.heed()).build()
-    }
-
-    /// What this thread heeds.
-    pub(crate) fn heeded() -> Stop {
-        HEEDED.with_borrow(Clone::clone)
     }
 
     /// Stops what heeds this.
@@ -54,11 +49,25 @@ impl Stop {
     }
 }
 
+/// What a thread heeds, for a loop that looks often.
+pub(crate) struct Heeded(Option<Stop>);
+
+impl Heeded {
+    pub(crate) fn by_this_thread() -> Heeded {
+        Heeded(HEEDED.with_borrow(Clone::clone))
+    }
+
+    #[inline]
+    pub(crate) fn check(&self) -> Result<(), ModelError> {
+        self.0.as_ref().map_or(Ok(()), Stop::check)
+    }
+}
+
 /// A search leaves out what cannot be simulated, so one that was stopped would end with what it happened to have. This
 /// is its last word instead.
 ///
 /// # Errors
 /// [`ModelError::Stopped`] where this thread's computations are stopped.
 pub fn check() -> Result<(), ModelError> {
-    Stop::heeded().check()
+    Heeded::by_this_thread().check()
 }

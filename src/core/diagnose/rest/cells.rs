@@ -215,11 +215,14 @@ impl<'a> Run<'a> {
         self.free.par_iter().map(slope).collect()
     }
 
-    /// Moves the free variables, within their bounds.
+    /// Moves the free variables, within their bounds; not to where there is no model, such as where friction takes more
+    /// than the grid resolves.
     pub(crate) fn step(&mut self, by: &[f64]) {
         let (lower, upper) = self.problem.bounds();
-        let moved: Vec<f64> =
-            self.free.iter().zip(by).map(|(&j, by)| (self.x[j] + by).clamp(lower[j], upper[j])).collect();
-        self.free.iter().zip(moved).for_each(|(&j, x)| self.x[j] = x);
+        let mut moved = self.x.clone();
+        self.free.iter().zip(by).for_each(|(&j, by)| moved[j] = (moved[j] + by).clamp(lower[j], upper[j]));
+        if [self.fine, self.coarse].iter().all(|&reaches| self.left_m(&moved, reaches).is_ok()) {
+            self.x = moved;
+        }
     }
 }

@@ -2,27 +2,30 @@
 //!
 //! What the fitted model leaves is `y = J δ + A f + e`: its free variables may move by `δ`, which is known as well as
 //! it was before the fit, and the forcing `f` is a random process that forgets in a time `τ`, with jumps (Ornstein &
-//! Uhlenbeck 1930) or without (Matérn 1960). Errors `e` are independent, in units of their believed size times `s ≥ 1`.
-//! Integrated over `δ` and `f`, the likelihood of a place has a closed form (MacKay 1992, Neural Computation 4, 415;
-//! Tarantola 2005, Inverse Problem Theory, ch. 3); its greatest value over strength, `τ` and `s` is the place's
-//! evidence. This strength is also that of the discrepancy principle (Morozov 1966), wherever the place explains the
-//! record: what is left is as large as the errors.
+//! Uhlenbeck 1930) or without (Matérn 1960). Neighbouring errors `e` are alike ([`Errors`]). Integrated over `δ` and
+//! `f`, the likelihood of a place has a closed form (MacKay 1992, Neural Computation 4, 415; Tarantola 2005, Inverse
+//! Problem Theory, ch. 3); its greatest value over strength and `τ` is the place's evidence. This strength is also that
+//! of the discrepancy principle (Morozov 1966), wherever the place explains the record: what is left is as large as the
+//! errors.
 
 use nalgebra::{DMatrix, DVector};
 
 use crate::diagnose::rest::cells::{CELLS, Row, Times};
 use crate::diagnose::rest::pulse::REACH;
 use crate::diagnose::rest::response::Response;
+use crate::fit::numeric::uncertainty::correlation_inflation;
 use crate::product::{along, dot, gram};
 
 /// How a forcing may go on from knot to knot: those that are tried, and tones beside them.
-pub(crate) const PROCESSES: [Process; 6] = [
+pub(crate) const PROCESSES: [Process; 8] = [
     Process { turn: None, memory: 2.0 },
     Process { turn: None, memory: 12.0 },
     Process { turn: None, memory: 72.0 },
+    Process { turn: None, memory: 432.0 },
     Process { turn: Some(0.0), memory: 1.0 },
     Process { turn: Some(0.0), memory: 4.0 },
     Process { turn: Some(0.0), memory: 16.0 },
+    Process { turn: Some(0.0), memory: 64.0 },
 ];
 
 /// A random process.
@@ -75,9 +78,44 @@ impl Process {
     }
 }
 
-/// The data of a run, whitened: in units of each row's error.
+/// How the errors of rows are, beyond what is believed of each: those of neighbours are alike, so that together they
+/// count less (Box & Jenkins 1970, 3.2: a regression of each on the one before it).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Errors {
+    /// Their square over what it was believed to be; not below 1.
+    pub(crate) excess: f64,
+    /// Correlation of neighbours.
+    pub(crate) alike: f64,
+}
+
+impl Errors {
+    /// As they are believed to be.
+    pub(crate) const BELIEVED: Errors = Errors { excess: 1.0, alike: 0.0 };
+
+    /// As they are where this is left, in units of what they are believed to be.
+    pub(crate) fn of(left: &[f64]) -> Errors {
+        let inflation = correlation_inflation(left);
+        Errors {
+            excess: (dot(left, left) / left.len().max(1) as f64).max(1.0),
+            alike: (inflation - 1.0) / (inflation + 1.0),
+        }
+    }
+
+    /// Turns a column in units of believed errors into one whose errors are independent and of variance 1.
+    pub(crate) fn whiten(self, rows: &[Row], column: &mut [f64]) {
+        let new = (self.excess * (1.0 - self.alike * self.alike)).sqrt();
+        for i in (0..column.len()).rev() {
+            let follows = i > 0 && rows[i - 1].cell.is_some() && rows[i - 1].cell.map(|c| c + 1) == rows[i].cell;
+            column[i] =
+                if follows { (column[i] - self.alike * column[i - 1]) / new } else { column[i] / self.excess.sqrt() };
+        }
+    }
+}
+
+/// The data of a run, whitened: errors are independent and of variance 1.
 pub(crate) struct Data {
     pub(crate) rows: Vec<Row>,
+    pub(crate) errors: Errors,
     /// What the model leaves when its variables stand where they were known to be.
     pub(crate) y: Vec<f64>,
     /// How the model moves with one standard deviation of what was known of each variable.
@@ -112,8 +150,6 @@ pub(crate) struct Found {
     pub(crate) belief: Belief,
     /// Natural logarithm of the likelihood, but for what all places share.
     pub(crate) evidence: f64,
-    /// Error of a row over what it was believed to be, squared; not below 1.
-    pub(crate) excess: f64,
     /// What is left in a row, in units of its error, mean square.
     pub(crate) left: f64,
 }
@@ -126,8 +162,8 @@ pub(crate) struct Solution {
     pub(crate) sd: Vec<Vec<f64>>,
 }
 
-/// The columns of a forcing: what a unit pulse at each knot does to each row, in units of its error.
-pub(crate) fn columns(rows: &[Row], response: &Response, times: &Times) -> Vec<Vec<f64>> {
+/// The columns of a forcing: what a unit pulse at each knot does to each row, whitened as the data.
+pub(crate) fn columns(data: &Data, response: &Response, times: &Times) -> Vec<Vec<f64>> {
     let mut all = Vec::new();
     for component in response {
         for knot in 0..times.knots {
@@ -137,7 +173,9 @@ pub(crate) fn columns(rows: &[Row], response: &Response, times: &Times) -> Vec<V
                 let answer = usize::try_from(since).ok().and_then(|i| component[row.sensor].get(i));
                 answer.map_or(0.0, |a| a / row.sd_m)
             };
-            all.push(rows.iter().map(value).collect());
+            let mut column: Vec<f64> = data.rows.iter().map(value).collect();
+            data.errors.whiten(&data.rows, &mut column);
+            all.push(column);
         }
     }
     all
@@ -190,9 +228,7 @@ impl Normal {
         let (factor, log_ratio) = self.factored(belief)?;
         let half = factor.forward(self.right.as_slice());
         let left = (self.square - dot(&half, &half)).max(0.0);
-        let n = self.rows as f64;
-        let excess = (left / n).max(1.0);
-        Some(Found { belief, evidence: -0.5 * (n * excess.ln() + left / excess + log_ratio), excess, left: left / n })
+        Some(Found { belief, evidence: -0.5 * (left + log_ratio), left: left / self.rows as f64 })
     }
 
     /// The best power for a process, and the evidence for it.
@@ -219,19 +255,24 @@ impl Normal {
         Some(if a.evidence > b.evidence { a } else { b })
     }
 
-    /// The moves of the variables, in units of what was known of each.
-    pub(crate) fn moves(&self, found: &Found) -> Option<Vec<f64>> {
+    /// The forcing at all knots, and then the moves of the variables, in units of what was known of each.
+    pub(crate) fn mean(&self, found: &Found) -> Option<Vec<f64>> {
         let (factor, _) = self.factored(found.belief)?;
-        Some(factor.solve(self.right.as_slice()).split_off(self.knots * self.components))
+        Some(factor.solve(self.right.as_slice()))
     }
 
-    /// The forcing of a belief. Errors take the excess into account.
+    /// The moves of the variables alone.
+    pub(crate) fn moves(&self, found: &Found) -> Option<Vec<f64>> {
+        Some(self.mean(found)?.split_off(self.knots * self.components))
+    }
+
+    /// The forcing of a belief.
     pub(crate) fn solved(&self, found: &Found) -> Option<Solution> {
         let (factor, _) = self.factored(found.belief)?;
         let mean = factor.solve(self.right.as_slice());
         let sd = factor.inverse_diagonal();
         let of = |values: &[f64], c: usize| values[c * self.knots..(c + 1) * self.knots].to_vec();
-        let sd: Vec<f64> = sd.iter().map(|v| (v * found.excess).sqrt()).collect();
+        let sd: Vec<f64> = sd.iter().map(|v| v.sqrt()).collect();
         Some(Solution {
             forcing: (0..self.components).map(|c| of(&mean, c)).collect(),
             sd: (0..self.components).map(|c| of(&sd, c)).collect(),
@@ -330,7 +371,7 @@ mod tests {
         let mut random = fastrand::Rng::with_seed(3);
         let mut column = || (0..rows).map(|_| 4.0 * (random.f64() - 0.5)).collect::<Vec<f64>>();
         let columns: Vec<Vec<f64>> = (0..knots).map(|_| column()).collect();
-        let data = Data { rows: Vec::new(), y: column(), slopes: vec![column()] };
+        let data = Data { rows: Vec::new(), errors: Errors::BELIEVED, y: column(), slopes: vec![column()] };
         let normal = Normal::of(&data, columns.clone(), 1);
         let belief = Belief { process: PROCESSES[1], log_power: 0.5 };
         let found = normal.judged(belief).unwrap();
@@ -342,10 +383,37 @@ mod tests {
         let c = DMatrix::identity(rows, rows) + &a * prior * a.transpose() + &j * j.transpose();
         let y = DVector::from_column_slice(&data.y);
         let square = y.dot(&(c.clone().try_inverse().unwrap() * &y));
-        let excess = (square / rows as f64).max(1.0);
-        let exact = -0.5 * (rows as f64 * excess.ln() + square / excess + c.determinant().ln());
+        let exact = -0.5 * (square + c.determinant().ln());
         assert!((found.evidence - exact).abs() < 1e-8, "{} {exact}", found.evidence);
-        assert!((found.excess - excess).abs() < 1e-10);
+    }
+
+    /// Whitened products are those with the inverse of the errors' covariance, `excess alike^|i-k|` between cells that
+    /// follow each other.
+    #[test]
+    fn whitened_errors_are_independent() {
+        let errors = Errors { excess: 3.0, alike: 0.7 };
+        let cells = [None, Some(0), Some(1), Some(2), Some(5), Some(6)];
+        let rows = cells.map(|cell| Row { sensor: 0, cell, sd_m: 1.0 });
+        let related =
+            |i: usize, k: usize| i == k || [1..4, 4..6].iter().any(|part| part.contains(&i) && part.contains(&k));
+        let covariance =
+            DMatrix::from_fn(6, 6, |i, k| if related(i, k) { 3.0 * 0.7f64.powi(i.abs_diff(k) as i32) } else { 0.0 });
+        let column = [0.3, -1.0, 2.0, 0.5, 1.5, -0.2];
+        let mut white = column;
+        errors.whiten(&rows, &mut white);
+        let exact = DVector::from_column_slice(&column);
+        let exact = exact.dot(&(covariance.try_inverse().unwrap() * &exact));
+        assert!((dot(&white, &white) - exact).abs() < 1e-12, "{white:?}");
+        let mut random = fastrand::Rng::with_seed(4);
+        let mut last = 0.0;
+        let left: Vec<f64> = (0..20_000)
+            .map(|_| {
+                last = 0.7 * last + (3.0 * 0.51f64).sqrt() * 12f64.sqrt() * (random.f64() - 0.5);
+                last
+            })
+            .collect();
+        let found = Errors::of(&left);
+        assert!((found.excess - 3.0).abs() < 0.15 && (found.alike - 0.7).abs() < 0.02, "{found:?}");
     }
 
     #[test]

@@ -32,7 +32,7 @@ use crate::diagnose::rest::explanation::{Explanation, Site};
 use crate::diagnose::rest::law::{Followed, law_of};
 use crate::diagnose::rest::places::{Spot, places};
 use crate::diagnose::rest::pulse::REACH;
-use crate::diagnose::rest::ranking::{Contender, contenders, normal};
+use crate::diagnose::rest::ranking::{Contender, contenders, doubt, normal};
 use crate::diagnose::rest::resolution::times;
 use crate::diagnose::rest::response::{met, response};
 use crate::diagnose::rest::waveform::Waveform;
@@ -69,7 +69,8 @@ pub fn explain(
     let mut all: Vec<Kind> = Vec::new();
     for r in 0..runs.len() {
         let again = || Run::new(&model, &runs[r..=r], fit, coarse);
-        let run = again()?;
+        let mut run = again()?;
+        doubt(&mut run)?;
         let (times, spots) = (times(&run)?, places(rig, &run));
         let found = contenders(run, again, &spots, &times)?;
         // What no forcing leaves is judged where the variables are best without.
@@ -127,13 +128,27 @@ impl Kind<'_> {
         self.runs.iter().max_by(|a, b| a.2.total_cmp(&b.2))
     }
 
-    /// Logarithm of its odds over no forcing. All places of a pipe are as probable beforehand: of one that is found at
-    /// a place, only the part that it is known to counts.
+    /// Where it is along a pipe by all its runs, with the standard error, m; and the square by which these disagree, in
+    /// units of their errors.
+    fn position_m(&self) -> Option<(f64, f64, f64)> {
+        let along = || self.runs.iter().map(|(c, ..)| c).filter(|c| c.spot.position_m().is_some());
+        // All runs say alike of a place before all sensors: somewhere there.
+        let says_more = if along().all(|c| c.before_sensors_m().is_some()) { 1 } else { self.runs.len() };
+        let all: Vec<(f64, f64)> = along().take(says_more).map(Contender::position_m).collect();
+        let weight: f64 = all.iter().map(|(_, error)| error.powi(-2)).sum();
+        let mean = all.iter().map(|(at, error)| at * error.powi(-2)).sum::<f64>() / weight;
+        let square = all.iter().map(|(at, error)| ((at - mean) / error).powi(2)).sum();
+        (!all.is_empty()).then_some((mean, weight.sqrt().recip(), square))
+    }
+
+    /// Logarithm of its odds over no forcing. All places of a pipe are as probable beforehand, and it is one place in
+    /// all runs: of one that is found at a place, only the part counts that it is known to, the integral of
+    /// `Π exp(-(x - xᵣ)²/2σᵣ²)` over the length.
     fn log_odds(&self, rig: &Rig) -> f64 {
-        let part = self.shown().filter(|(c, ..)| c.spot.position_m().is_some()).map_or(1.0, |(c, ..)| {
-            (c.position_m().1 * std::f64::consts::TAU.sqrt() / rig.line_length_m(c.spot.line(rig))).min(1.0)
+        let part = self.position_m().zip(self.shown()).map_or(0.0, |((_, error_m, square), (c, ..))| {
+            (error_m * std::f64::consts::TAU.sqrt() / rig.line_length_m(c.spot.line(rig))).min(1.0).ln() - 0.5 * square
         });
-        tempered(self.evidence()) + part.ln()
+        tempered(self.evidence()) + part
     }
 }
 
@@ -154,7 +169,7 @@ fn described(kind: &Kind, probability: f64) -> Result<Option<Explanation>, Model
         Spot::Wall => Site::Wall,
         Spot::Sensor(s) => Site::Sensor(run.data().sensors[*s].sensor.name.clone()),
         Spot::Pipe(pipe, _) => {
-            let (position_m, error_m) = contender.position_m();
+            let Some((position_m, error_m, _)) = kind.position_m() else { return Ok(None) };
             Site::Pipe { pipe: pipe.clone(), position_m, error_m }
         }
     };
@@ -212,7 +227,7 @@ fn described(kind: &Kind, probability: f64) -> Result<Option<Explanation>, Model
         onset_s,
         pulsation,
         law,
-        left_over_noise: found.left.sqrt(),
+        left_over_noise: (found.left * contender.data.errors.excess).sqrt(),
         time_s: waveform.time_s,
         value: waveform.value,
         sd: waveform.sd,

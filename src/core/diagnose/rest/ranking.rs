@@ -8,11 +8,12 @@ use rayon::prelude::*;
 
 use crate::diagnose::evidence::tempered;
 use crate::diagnose::rest::cells::{Run, Times};
-use crate::diagnose::rest::inverse::{Data, Found, Normal, PROCESSES, Process, columns};
+use crate::diagnose::rest::inverse::{Data, Errors, Found, Normal, PROCESSES, Process, columns};
 use crate::diagnose::rest::places::Spot;
+use crate::diagnose::rest::resolution::coarsest;
 use crate::diagnose::rest::response::response;
+use crate::diagnose::rest::waveform::{CYCLES, KNOTS_A_CYCLE};
 use crate::fit::numeric::least_squares::Problem;
-use crate::fit::numeric::uncertainty::correlation_inflation;
 use crate::model::ModelError;
 use crate::product::dot;
 
@@ -72,9 +73,9 @@ impl Contender<'_> {
     }
 }
 
-/// What the run leaves at its variables' values, against which a forcing is judged; and how far each free variable may
-/// move.
-fn data(run: &Run, times: &Times) -> Result<(Data, Vec<(f64, f64)>), ModelError> {
+/// What the run leaves at its variables' values, against which a forcing is judged with errors as they are; and how far
+/// each free variable may move.
+fn data(run: &Run, times: &Times, errors: Errors) -> Result<(Data, Vec<(f64, f64)>), ModelError> {
     let cells = run.rows(times);
     let left = run.left_in(&run.x, &cells, true)?;
     let mut slopes = run.slopes(&cells)?;
@@ -91,24 +92,30 @@ fn data(run: &Run, times: &Times) -> Result<(Data, Vec<(f64, f64)>), ModelError>
         };
         y.iter_mut().zip(&*slope).for_each(|(y, s)| *y -= s * towards);
         slope.iter_mut().for_each(|s| *s *= sd);
+        errors.whiten(&rows, slope);
         reach.push((towards, sd));
     }
-    Ok((Data { rows, y, slopes }, reach))
+    errors.whiten(&rows, &mut y);
+    Ok((Data { rows, errors, y, slopes }, reach))
 }
 
 /// Moves the variables to where they are when what the model leaves counts as an error: samples whose errors are alike
 /// count once. A fit that lacks something has gone wherever that makes up for it, far from what the instruments say;
-/// from there no place looks right.
-fn doubt(run: &mut Run, times: &Times) -> Result<(), ModelError> {
-    let (mut data, reach) = data(run, times)?;
-    let left = run.left_in(&run.x, &run.rows(times), true)?;
-    let left: Vec<f64> = left.iter().zip(&data.rows).map(|(l, row)| l / row.sd_m).collect();
-    let unit = (dot(&left, &left) / left.len() as f64).max(1.0) * correlation_inflation(&left);
-    data.y.iter_mut().for_each(|y| *y /= unit.sqrt());
-    data.slopes.iter_mut().flatten().for_each(|s| *s /= unit.sqrt());
-    let alone = Normal::of(&data, Vec::new(), 0);
-    let moves = alone.best(PROCESSES[0], QUICK).and_then(|found| alone.moves(&found));
-    run.step(&steps(&moves.unwrap_or_default(), &reach));
+/// from there no place looks right, and what is left is not where the forcing is.
+///
+/// # Errors
+/// As [`Run::left_in`].
+pub(crate) fn doubt(run: &mut Run) -> Result<(), ModelError> {
+    let times = coarsest(run);
+    for _ in 0..DOUBTS {
+        let cells = run.rows(&times);
+        let left = run.left_in(&run.x, &cells, true)?;
+        let left: Vec<f64> = left.iter().zip(&cells.0).map(|(l, row)| l / row.sd_m).collect();
+        let (data, reach) = data(run, &times, Errors::of(&left))?;
+        let alone = Normal::of(&data, Vec::new(), 0);
+        let moves = alone.best(PROCESSES[0], QUICK).and_then(|found| alone.moves(&found));
+        run.step(&steps(&moves.unwrap_or_default(), &reach));
+    }
     Ok(())
 }
 
@@ -123,23 +130,21 @@ fn steps(moves: &[f64], reach: &[(f64, f64)]) -> Vec<f64> {
 /// As [`response`].
 pub(crate) fn normal(run: &Run, data: &Data, spot: &Spot, times: &Times) -> Result<Normal, ModelError> {
     let response = response(run, spot, times)?;
-    Ok(Normal::of(data, columns(&data.rows, &response, times), response.len()))
+    Ok(Normal::of(data, columns(data, &response, times), response.len()))
 }
 
-/// The contenders of a run: of each kind of place the best one, with the model's variables where they are with it.
+/// The contenders of a run that is in [`doubt`]: of each kind of place the best one, with the model's variables where
+/// they are with it.
 ///
 /// # Errors
 /// As [`Run::left_in`].
 pub(crate) fn contenders<'a>(
-    mut run: Run<'a>,
+    run: Run<'a>,
     again: impl Fn() -> Result<Run<'a>, ModelError> + Sync,
     spots: &[Spot],
     times: &Times,
 ) -> Result<Vec<Contender<'a>>, ModelError> {
-    for _ in 0..DOUBTS {
-        doubt(&mut run, times)?;
-    }
-    let screened = data(&run, times)?.0;
+    let screened = data(&run, times, Errors::BELIEVED)?.0;
     let judged = |spot: &Spot| {
         let found = normal(&run, &screened, spot, times).ok()?.best(PROCESSES[1], QUICK)?;
         Some((spot.clone(), found.evidence))
@@ -155,13 +160,65 @@ pub(crate) fn contenders<'a>(
     let tones = strongest(&screened, times).map(Process::tones);
     let tones = tones.as_slice().as_flattened().to_vec();
     let x = run.x.clone();
-    let settled = |spot: Spot| -> Result<Option<Contender<'a>>, ModelError> {
+    let settled = |spot: Spot| -> Result<Option<Settled<'a>>, ModelError> {
         let mut own = again()?;
         own.x.clone_from(&x);
         settled(own, spot, times, &tones)
     };
-    let settled: Vec<Option<Contender>> = best.into_par_iter().map(settled).collect::<Result<_, _>>()?;
-    Ok(settled.into_iter().flatten().collect())
+    let settled: Vec<Option<Settled>> = best.into_par_iter().map(settled).collect::<Result<_, _>>()?;
+    let settled: Vec<Settled> = settled.into_iter().flatten().collect();
+    // What the best place leaves says how the errors are, for all of them.
+    let rests: Vec<Option<(f64, Vec<f64>)>> = settled.par_iter().map(|s| s.rest(times)).collect::<Result<_, _>>()?;
+    let Some((_, rest)) = rests.into_iter().flatten().max_by(|a, b| a.0.total_cmp(&b.0)) else { return Ok(Vec::new()) };
+    let errors = Errors::of(&rest);
+    let judged: Vec<Option<Contender>> =
+        settled.into_par_iter().map(|settled| settled.judged(times, errors)).collect::<Result<_, _>>()?;
+    Ok(judged.into_iter().flatten().collect())
+}
+
+/// A place, with the variables where they are best with a forcing there.
+struct Settled<'a> {
+    run: Run<'a>,
+    spot: Spot,
+    process: Process,
+    /// Distance of the places about it that are still of interest, m.
+    step_m: f64,
+}
+
+impl<'a> Settled<'a> {
+    /// What the forcing leaves of each row, in units of what its error is believed to be, and the evidence with that.
+    fn rest(&self, times: &Times) -> Result<Option<(f64, Vec<f64>)>, ModelError> {
+        let (data, _) = data(&self.run, times, Errors::BELIEVED)?;
+        let response = response(&self.run, &self.spot, times)?;
+        let columns = columns(&data, &response, times);
+        let normal = Normal::of(&data, columns.clone(), response.len());
+        let Some(found) = normal.best(self.process, QUICK) else { return Ok(None) };
+        let mut rest = data.y;
+        for (x, column) in normal.mean(&found).iter().flatten().zip(columns.iter().chain(&data.slopes)) {
+            rest.iter_mut().zip(column).for_each(|(r, c)| *r -= x * c);
+        }
+        Ok(Some((found.evidence, rest)))
+    }
+
+    /// With errors as they are.
+    fn judged(self, times: &Times, errors: Errors) -> Result<Option<Contender<'a>>, ModelError> {
+        let Settled { run, spot, process, step_m } = self;
+        let (data, _) = data(&run, times, errors)?;
+        let here = normal(&run, &data, &spot, times)?;
+        let Some(found) = here.best(process, THOROUGH) else { return Ok(None) };
+        let mut tried = Vec::new();
+        for near in spot.moved(run.problem.model.rig, &[0.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0].map(|by| by * step_m)) {
+            if let Some(found) = normal(&run, &data, &near, times)?.judged(found.belief) {
+                tried.push((near, found));
+            }
+        }
+        let Some((spot, found)) = tried.iter().max_by(|a, b| a.1.evidence.total_cmp(&b.1.evidence)).cloned() else {
+            return Ok(None);
+        };
+        let Some(nothing) = Normal::of(&data, Vec::new(), 0).judged(found.belief) else { return Ok(None) };
+        let tried = tried.into_iter().filter_map(|(spot, found)| Some((spot.position_m()?, found.evidence))).collect();
+        Ok(Some(Contender { run, spot, found, nothing, data, tried }))
+    }
 }
 
 /// Moves the variables, and along a pipe the place, to where they are with a forcing there.
@@ -170,40 +227,31 @@ fn settled<'a>(
     mut spot: Spot,
     times: &Times,
     tones: &[Process],
-) -> Result<Option<Contender<'a>>, ModelError> {
+) -> Result<Option<Settled<'a>>, ModelError> {
     let mut process = PROCESSES[1];
-    let mut step_m = spot.spacing_m(run.problem.model.rig);
+    // The variables move a place by some spacings.
+    let mut step_m = 4.0 * spot.spacing_m(run.problem.model.rig);
     for round in 1..=ROUNDS {
-        let (data, reach) = data(&run, times)?;
+        let (data, reach) = data(&run, times, Errors::BELIEVED)?;
         step_m *= 0.5;
         let mut best: Option<(Spot, Found, Normal)> = None;
         for near in spot.moved(run.problem.model.rig, &[0.0, -step_m, step_m]) {
             let normal = normal(&run, &data, &near, times)?;
-            let Some(found) = normal.best(process, QUICK) else { continue };
+            // A step along a pipe changes the forcing's power little.
+            let found = best.as_ref().map_or_else(|| normal.best(process, QUICK), |(_, b, _)| normal.judged(b.belief));
+            let Some(found) = found else { continue };
             if best.as_ref().is_none_or(|(_, b, _)| found.evidence > b.evidence) {
                 best = Some((near, found, normal));
             }
         }
         let Some((near, found, normal)) = best else { return Ok(None) };
-        let others = PROCESSES.iter().chain(tones).filter(|p| **p != process && round > 1);
+        let others = PROCESSES.iter().chain(tones).filter(|p| **p != process && round == 2);
         let found = others.filter_map(|p| normal.best(*p, QUICK)).fold(found, better);
         let Some(solution) = normal.moves(&found) else { return Ok(None) };
         (spot, process) = (near, found.belief.process);
         run.step(&steps(&solution, &reach));
     }
-    let (data, _) = data(&run, times)?;
-    let mut tried = Vec::new();
-    for near in spot.moved(run.problem.model.rig, &[0.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0].map(|by| by * step_m)) {
-        if let Some(found) = normal(&run, &data, &near, times)?.best(process, THOROUGH) {
-            tried.push((near, found));
-        }
-    }
-    let Some((spot, found)) = tried.iter().max_by(|a, b| a.1.evidence.total_cmp(&b.1.evidence)).cloned() else {
-        return Ok(None);
-    };
-    let Some(nothing) = Normal::of(&data, Vec::new(), 0).best(process, QUICK) else { return Ok(None) };
-    let tried = tried.into_iter().filter_map(|(spot, found)| Some((spot.position_m()?, found.evidence))).collect();
-    Ok(Some(Contender { run, spot, found, nothing, data, tried }))
+    Ok(Some(Settled { run, spot, process, step_m }))
 }
 
 /// Knots a cycle of the strongest tone in what is left, over all sensors.
@@ -220,9 +268,9 @@ fn strongest(data: &Data, times: &Times) -> Option<f64> {
         }
         sums.iter().map(|[a, b]| a * a + b * b).sum()
     };
-    // From three cycles on, to three knots a cycle; a third of a cycle apart.
-    let most = times.end_s() / (3.0 * times.knot_s);
-    let scan = (9..).map(|i| f64::from(i) / 3.0).take_while(|cycles| *cycles < most).collect::<Vec<_>>();
+    // A third of a cycle apart.
+    let most = times.end_s() / (KNOTS_A_CYCLE * times.knot_s);
+    let scan = (0..).map(|i| CYCLES + f64::from(i) / 3.0).take_while(|cycles| *cycles < most).collect::<Vec<_>>();
     let cycles = scan.into_par_iter().map(|c| (power(c), c)).max_by(|a, b| a.0.total_cmp(&b.0))?.1;
     Some(times.end_s() / cycles / times.knot_s)
 }

@@ -8,6 +8,9 @@ use crate::fit::data::run_data::RunData;
 const ERRORS: f64 = 4.0;
 /// Share of its variance that one tone must have for it to be a pulsation.
 const TONE_SHARE: f64 = 0.6;
+/// A tone has at least so many cycles in a record, and its cycle so many knots.
+pub(crate) const CYCLES: f64 = 3.0;
+pub(crate) const KNOTS_A_CYCLE: f64 = 3.0;
 /// Amplitude of a tone before the closure over its error, for it to be there.
 const BEFORE_ERRORS: f64 = 5.0;
 
@@ -60,8 +63,7 @@ impl Waveform {
         let step_s = duration_s / (n - 1) as f64;
         let square: f64 = self.value.iter().map(|v| (v - mean).powi(2)).sum();
         let left = |hz: f64| tone(&self.time_s, &self.value, hz).map_or(f64::INFINITY, |(_, _, left)| left);
-        // At least three cycles; four knots a cycle.
-        let (least, most) = (3.0 / duration_s, 0.25 / step_s);
+        let (least, most) = (CYCLES / duration_s, 1.0 / (KNOTS_A_CYCLE * step_s));
         let scan = (0..).map(|i| least + f64::from(i) * 0.2 / duration_s).take_while(|hz| *hz < most);
         let at = scan.min_by(|a, b| left(*a).total_cmp(&left(*b)))?;
         let hz = least_between(left, at - 0.2 / duration_s, at + 0.2 / duration_s);
