@@ -231,7 +231,8 @@ def compare(taker, path):
     came, missing = 0, 0
     for topic, whole in filed.items():
         got, rest = live[topic], iter(whole)
-        before = next(i for i, message in enumerate(whole) if message == next(iter(got)))
+        first = next(iter(got))
+        before = next(i for i, message in enumerate(whole) if message == first)
         expect(all(message in rest for message in got), f"{topic}: what came live is not in the file, or in another order")
         missed_s = (got.first_ns - whole.first_ns) / 1e9
         expect(missed_s < 5, f"{topic}: the first message came {missed_s} s late")

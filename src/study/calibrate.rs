@@ -144,7 +144,7 @@ impl Calibrate<'_> {
         options.constraints.splice(0..0, held.into_iter().flatten());
         let [effects] = effects;
         let textbook = |name: &str| Constraint { name: name.to_owned(), run: None, lower: 1.0, upper: 1.0 };
-        // What is said of the profile is no parameter in one dimension.
+        // The parameter of the profile does not exist in one dimension.
         let of_profile: Vec<_> = options.constraints.extract_if(.., |c| self.quasi_2d && c.name == SCALE_2D).collect();
         options.constraints.extend(self.quasi_2d.then(|| textbook(SCALE_1D)));
         let mut fit = calibrate_nested(self.rig, self.runs, &effects, &options, self.on_progress)?;

@@ -116,17 +116,17 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         hold::warn_beyond("--start", &study, last, args.search.started());
     }
     for (i, (effects, mut constraints)) in models.iter().zip(held).enumerate() {
-        if let Some(from) = &from {
-            hold::settle(&mut constraints, from, &study, effects, i + 1 == models.len());
-        }
-        let priors = if i + 1 == models.len() { priors.clone() } else { Vec::new() };
-        let options = Options { most_reaches: args.most_reaches, constraints, priors, ..searched.clone() };
         let last = i + 1 == models.len();
+        if let Some(from) = &from {
+            hold::settle(&mut constraints, from, &study, effects, last);
+        }
+        let priors = if last { priors.clone() } else { Vec::new() };
+        let options = Options { most_reaches: args.most_reaches, constraints, priors, ..searched.clone() };
         let mut fit = shown(&mut study, "", |study| {
             let calibrate = study.calibrate(effects).options(options.clone());
             if last && args.solver.quasi_2d() { calibrate.quasi_2d() } else { calibrate }.run()
         })?;
-        if i + 1 == models.len() {
+        if last {
             args.profiles.apply(&study, &mut fit, &options)?;
             args.sampling.apply(&study, &mut fit, &options)?;
         }

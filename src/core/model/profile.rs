@@ -18,6 +18,7 @@ use nalgebra::{DMatrix, SymmetricEigen};
 
 use crate::model::eddy_viscosity::EddyViscosity;
 use crate::model::rings::{CORE, cells};
+use crate::model::unsteady_kernels::mean_of_decay;
 
 /// Thickness of the ring at the wall, in units of the depth `√Δθ` to which a step's shear reaches, and of the distance
 /// over which the viscosity begins to rise.
@@ -166,8 +167,7 @@ impl Moving<'_> {
         let by = mean_m_s - self.mean_m_s;
         for (a, mode) in self.amplitudes.iter_mut().zip(&self.profile.modes) {
             let r = mode.rate * step;
-            let mean = if r < 1e-5 { 1.0 - 0.5 * r } else { -(-r).exp_m1() / r };
-            *a = *a * (-r).exp() + by * mean * mode.shear / mode.rate;
+            *a = *a * (-r).exp() + by * mean_of_decay(r) * mode.shear / mode.rate;
         }
         self.mean_m_s = mean_m_s;
     }
@@ -228,8 +228,8 @@ mod tests {
         (1.0 - 32.0 * decayed(4), 8.0 * (1.0 - 4.0 * decayed(2)), at)
     }
 
-    /// Largest errors of wall shear after θ = 0.03 and of ten profiles, `steps` steps up to θ = 0.4, and of the steady profile's
-    /// shear.
+    /// Largest errors of wall shear after θ = 0.03 and of ten profiles, `steps` steps up to θ = 0.4, and of the steady
+    /// profile's shear.
     fn errors(steps: usize, finer: f64) -> [f64; 3] {
         let step = 0.4 / steps as f64;
         let profile = Profile::in_rings(|_| 1.0, &cells(5e-3, finer));

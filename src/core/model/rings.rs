@@ -4,6 +4,7 @@
 const GROWTH: f64 = 0.15;
 /// Thickness of the rings in the core, a part of the radius.
 pub(crate) const CORE: f64 = 0.07;
+
 /// Edges of cells from the wall (0) to the axis (1): `first` thick at the wall, growing with the distance from it up to
 /// a thickness in the core; all of it `finer` times as fine.
 pub(crate) fn cells(first: f64, finer: f64) -> Vec<f64> {

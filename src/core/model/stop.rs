@@ -22,7 +22,7 @@ impl Stop {
         HEEDED.set(Some(self.clone()));
     }
 
-    /// So many threads, or one a core where none is said, on which simulations heed this.
+    /// So many threads, or one a core where the caller names no number, on which simulations heed this.
     ///
     /// # Errors
     /// If the system gives no threads.

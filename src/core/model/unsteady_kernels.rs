@@ -74,6 +74,11 @@ pub struct Steps {
     pub forgotten: f64,
 }
 
+/// Mean of `exp(-x)` for `x` from 0 to `r`: `(1 - exp(-r))/r`, by its series if the difference would lose digits.
+pub(crate) fn mean_of_decay(r: f64) -> f64 {
+    if r < 1e-5 { 1.0 - 0.5 * r } else { -(-r).exp_m1() / r }
+}
+
 impl Steps {
     /// A sum of exponentials `m exp(-nθ)`, each given as `(n, m)`, the slowest first, over steps `Δθ`.
     pub fn of(terms: impl IntoIterator<Item = (f64, f64)>, step: f64) -> Steps {
@@ -84,8 +89,7 @@ impl Steps {
 
     fn add(&mut self, (n, m): (f64, f64), step: f64) {
         let r = n * step;
-        // (1 - exp(-r))/r, by its series if the difference would lose digits.
-        let mean = m * if r < 1e-5 { 1.0 - 0.5 * r } else { -(-r).exp_m1() / r };
+        let mean = m * mean_of_decay(r);
         // The slowest term always stays, whatever the step.
         if r < FORGOTTEN || self.remembered.is_empty() {
             self.remembered.push(Remembered { decay: (-r).exp(), mean });
