@@ -196,6 +196,35 @@ impl<'a> Run<'a> {
         Ok(rows.iter().zip(samples).map(mean).collect())
     }
 
+    /// One standard deviation of each error of the model in each row, m. Two right solvers differ by a share of the
+    /// surge that keeps time with it: at each sensor a little larger, and a little later.
+    pub(crate) fn errors_of_model(
+        &self,
+        times: &Times,
+        (rows, samples): &(Vec<Row>, Vec<std::ops::Range<usize>>),
+        left_m: &[f64],
+    ) -> Vec<Vec<f64>> {
+        let mean = |s: usize, own: &std::ops::Range<usize>| {
+            self.heads_m[s][own.clone()].iter().sum::<f64>() / own.len() as f64
+        };
+        let modelled: Vec<f64> =
+            rows.iter().zip(samples).zip(left_m).map(|((row, own), left)| mean(row.sensor, own) - left).collect();
+        let angle = std::f64::consts::TAU * times.cell_s() / self.period_s();
+        let of = |s: usize| {
+            let own: Vec<usize> = (0..rows.len()).filter(|&i| rows[i].sensor == s).collect();
+            let (mut larger, mut later) = (vec![0.0; rows.len()], vec![0.0; rows.len()]);
+            own.iter().for_each(|&i| larger[i] = MODEL_ERROR * (modelled[i] - modelled[own[0]]));
+            for near in own.windows(3) {
+                if let (Some(from), Some(to)) = (rows[near[0]].cell, rows[near[2]].cell) {
+                    let rise_m = modelled[near[2]] - modelled[near[0]];
+                    later[near[1]] = MODEL_ERROR * rise_m / (angle * (to - from) as f64);
+                }
+            }
+            [larger, later]
+        };
+        (0..self.heads_m.len()).flat_map(of).collect()
+    }
+
     /// How the model's heads change in each row with each free variable, m.
     ///
     /// # Errors

@@ -118,7 +118,7 @@ pub(crate) struct Data {
     pub(crate) errors: Errors,
     /// What the model leaves when its variables stand where they were known to be.
     pub(crate) y: Vec<f64>,
-    /// How the model moves with one standard deviation of what was known of each variable.
+    /// How the model moves with one standard deviation of what was known of each variable, and then of its own errors.
     pub(crate) slopes: Vec<Vec<f64>>,
 }
 

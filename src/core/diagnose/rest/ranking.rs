@@ -79,6 +79,7 @@ fn data(run: &Run, times: &Times, errors: Errors) -> Result<(Data, Vec<(f64, f64
     let cells = run.rows(times);
     let left = run.left_in(&run.x, &cells, true)?;
     let mut slopes = run.slopes(&cells)?;
+    let errors_of_model = run.errors_of_model(times, &cells, &left);
     let rows = cells.0;
     let mut y: Vec<f64> = left.iter().zip(&rows).map(|(l, row)| l / row.sd_m).collect();
     let mut reach = Vec::new();
@@ -94,6 +95,11 @@ fn data(run: &Run, times: &Times, errors: Errors) -> Result<(Data, Vec<(f64, f64
         slope.iter_mut().for_each(|s| *s *= sd);
         errors.whiten(&rows, slope);
         reach.push((towards, sd));
+    }
+    for mut error in errors_of_model {
+        error.iter_mut().zip(&rows).for_each(|(e, row)| *e /= row.sd_m);
+        errors.whiten(&rows, &mut error);
+        slopes.push(error);
     }
     errors.whiten(&rows, &mut y);
     Ok((Data { rows, errors, y, slopes }, reach))
