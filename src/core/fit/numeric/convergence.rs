@@ -88,7 +88,11 @@ fn effective_draws(chains: &[Vec<f64>]) -> f64 {
     if all <= 0.0 || !all.is_finite() {
         return 0.0;
     }
-    let centred: Vec<Vec<f64>> = chains.iter().map(|c| c.iter().map(|v| v - mean(c)).collect()).collect();
+    let centred = |c: &Vec<f64>| {
+        let about = mean(c);
+        c.iter().map(|v| v - about).collect()
+    };
+    let centred: Vec<Vec<f64>> = chains.iter().map(centred).collect();
     let correlation = |lag: usize| {
         let of = |c: &Vec<f64>| c[lag..].iter().zip(c).map(|(a, b)| a * b).sum::<f64>() / n as f64;
         let covariance = mean(&centred.iter().map(of).collect::<Vec<_>>());
