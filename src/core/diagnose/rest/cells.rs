@@ -186,14 +186,11 @@ impl<'a> Run<'a> {
     pub(crate) fn left_in(
         &self,
         x: &[f64],
-        (rows, samples): &(Vec<Row>, Vec<std::ops::Range<usize>>),
+        cells: &(Vec<Row>, Vec<std::ops::Range<usize>>),
         is_fine: bool,
     ) -> Result<Vec<f64>, ModelError> {
         let left = self.left_m(x, if is_fine { self.fine } else { self.coarse })?;
-        let mean = |(row, own): (&Row, &std::ops::Range<usize>)| {
-            left[row.sensor][own.clone()].iter().sum::<f64>() / own.len() as f64
-        };
-        Ok(rows.iter().zip(samples).map(mean).collect())
+        Ok(means(&left, cells))
     }
 
     /// One standard deviation of each error of the model in each row, m. Two right solvers differ by a share of the
@@ -201,14 +198,12 @@ impl<'a> Run<'a> {
     pub(crate) fn errors_of_model(
         &self,
         times: &Times,
-        (rows, samples): &(Vec<Row>, Vec<std::ops::Range<usize>>),
+        cells: &(Vec<Row>, Vec<std::ops::Range<usize>>),
         left_m: &[f64],
     ) -> Vec<Vec<f64>> {
-        let mean = |s: usize, own: &std::ops::Range<usize>| {
-            self.heads_m[s][own.clone()].iter().sum::<f64>() / own.len() as f64
-        };
+        let rows = &cells.0;
         let modelled: Vec<f64> =
-            rows.iter().zip(samples).zip(left_m).map(|((row, own), left)| mean(row.sensor, own) - left).collect();
+            means(&self.heads_m, cells).iter().zip(left_m).map(|(head, left)| head - left).collect();
         let angle = std::f64::consts::TAU * times.cell_s() / self.period_s();
         let of = |s: usize| {
             let own: Vec<usize> = (0..rows.len()).filter(|&i| rows[i].sensor == s).collect();
@@ -254,4 +249,12 @@ impl<'a> Run<'a> {
             self.x = moved;
         }
     }
+}
+
+/// Mean of the samples of each row.
+fn means(series: &[Vec<f64>], (rows, samples): &(Vec<Row>, Vec<std::ops::Range<usize>>)) -> Vec<f64> {
+    let mean = |(row, own): (&Row, &std::ops::Range<usize>)| {
+        series[row.sensor][own.clone()].iter().sum::<f64>() / own.len() as f64
+    };
+    rows.iter().zip(samples).map(mean).collect()
 }

@@ -81,7 +81,7 @@ fn where_nothing_is_hidden_nothing_is_shown() {
     assert_eq!(explain(&rig, &runs, &fit, &options, &|_| {}).unwrap(), []);
 }
 
-/// Of the surge, the second sensor shows 0.3% more: as little as two right solvers differ by is no interference.
+/// The second sensor shows 0.3% more of the surge. Two right solvers may differ by as little: it is no interference.
 #[test]
 fn a_small_share_of_the_surge_is_the_models_own_error() {
     let rig = rig();
