@@ -342,7 +342,7 @@ fn noise_that_dies_away_counts_where_the_valve_closes() {
 #[test]
 fn a_model_that_contains_another_ends_no_worse() {
     let rmse_m = |effects: &str| {
-        let fit = done(&["calibrate", CREEP, "--effects", effects, "--against", "none", "--most-reaches", "64"]);
+        let fit = done(&["calibrate", CREEP, "--effects", effects, "--against", "none", "--most-reaches", "32"]);
         fit["rmse_m"].as_f64().unwrap()
     };
     let smaller = rmse_m("none");

@@ -42,7 +42,7 @@ fn measured(time_s: &[f64], factor: f64, noise: Noise, seed: u64) -> CreepTest {
 fn curves_are_recovered(name: &str, time_s: &[f64], from_s: f64) {
     let (truth, mut worst, mut inside, mut all) = (truth(), 0.0f64, 0, 0);
     let (mut elements, mut proportional) = ([0; 7], 0);
-    for seed in 0..40 {
+    for seed in 0..20 {
         let fit = fit(&[measured(time_s, 1.0, Noise::Proportional, seed)], None, None).unwrap();
         proportional += usize::from(fit.noise == Noise::Proportional);
         elements[fit.creep.elements.len()] += 1;
@@ -59,7 +59,7 @@ fn curves_are_recovered(name: &str, time_s: &[f64], from_s: f64) {
     println!("{name}: worst {:.2}%, covered {:.1}%, of elements {elements:?}", 100.0 * worst, 100.0 * covered);
     assert!(worst < 0.01, "{name}: {:.2}%", 100.0 * worst);
     assert!((0.90..=0.99).contains(&covered), "{name}: {:.1}%", 100.0 * covered);
-    assert!(proportional >= 36, "{proportional} of 40");
+    assert!(proportional >= 18, "{proportional} of 20");
 }
 
 #[test]

@@ -77,14 +77,15 @@ impl Contender<'_> {
 /// each free variable may move.
 fn data(run: &Run, times: &Times, errors: Errors) -> Result<(Data, Vec<(f64, f64)>), ModelError> {
     let cells = run.rows(times);
-    let left = run.left_in(&run.x, &cells, true)?;
+    let mut y = run.left_in(&run.x, &cells, true)?;
     let mut slopes = run.slopes(&cells)?;
-    let errors_of_model = run.errors_of_model(times, &cells, &left);
+    slopes.extend(run.errors_of_model(times, &cells, &y));
     let rows = cells.0;
-    let mut y: Vec<f64> = left.iter().zip(&rows).map(|(l, row)| l / row.sd_m).collect();
+    for column in slopes.iter_mut().chain([&mut y]) {
+        column.iter_mut().zip(&rows).for_each(|(c, row)| *c /= row.sd_m);
+    }
     let mut reach = Vec::new();
     for (slope, &j) in slopes.iter_mut().zip(&run.free) {
-        slope.iter_mut().zip(&rows).for_each(|(s, row)| *s /= row.sd_m);
         let wide = WIDE / dot(slope, slope).sqrt().max(f64::MIN_POSITIVE);
         let (towards, sd) = match run.beliefs[j] {
             Some((mean, sd)) if sd < wide => (mean - run.x[j], sd),
@@ -93,15 +94,9 @@ fn data(run: &Run, times: &Times, errors: Errors) -> Result<(Data, Vec<(f64, f64
         };
         y.iter_mut().zip(&*slope).for_each(|(y, s)| *y -= s * towards);
         slope.iter_mut().for_each(|s| *s *= sd);
-        errors.whiten(&rows, slope);
         reach.push((towards, sd));
     }
-    for mut error in errors_of_model {
-        error.iter_mut().zip(&rows).for_each(|(e, row)| *e /= row.sd_m);
-        errors.whiten(&rows, &mut error);
-        slopes.push(error);
-    }
-    errors.whiten(&rows, &mut y);
+    slopes.iter_mut().chain([&mut y]).for_each(|column| errors.whiten(&rows, column));
     Ok((Data { rows, errors, y, slopes }, reach))
 }
 
