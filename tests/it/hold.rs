@@ -70,25 +70,3 @@ fn a_value_beyond_what_a_fit_may_take_is_warned_of() {
     assert!(said.contains("warning: --hold closing_time_s=9000 lies outside the bounds of a fit"), "{said}");
     assert!(!said.contains("--hold wave_speed_m_s"), "{said}");
 }
-
-/// The measured column separation again, four values known: the diagnosis leaves them as they are.
-#[test]
-#[ignore = "takes 11 s; CI runs it"]
-fn a_diagnosis_holds_what_it_is_told_to() {
-    let known =
-        [("wave_speed_m_s", 1319.0), ("closing_time_s", 0.009), ("initial_velocity_m_s", 1.4), ("valve_head_m", 20.0)];
-    let held = known.map(|(name, value)| format!("{name}={value}"));
-    let held: Vec<&str> = held.iter().map(String::as_str).collect();
-    let said = done(&[&["diagnose", SEVERE, "--most-reaches", "64", "--hold"], &held[..]].concat());
-    let start = said["start"]["parameters"].as_array().unwrap();
-    for (name, value) in known {
-        let found = start.iter().find(|p| p["name"] == name).unwrap();
-        assert_eq!(found["value"].as_f64(), Some(value), "{name}");
-    }
-    // Gas or cavities, as in the tests with this pipe: which of them follows the record better from these values is not
-    // asked here.
-    let first = &said["candidates"][0];
-    let gas = ["vapour-cavity", "entrained-gas", "air-pocket"];
-    assert!(gas.iter().any(|name| first["effect"] == *name), "{first}");
-    assert!(first["rmse_m"].as_f64().unwrap() < 20.0, "{first}");
-}
