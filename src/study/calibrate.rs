@@ -5,8 +5,7 @@ use crate::fit::outcome::fit::Fit;
 use crate::fit::posterior::doubt::find_bounds;
 use crate::fit::problem::method::Method;
 use crate::fit::progress::OnProgress;
-use crate::fit::search::calibrate::refine;
-use crate::fit::search::nested::calibrate_nested;
+use crate::fit::search::calibrate::{calibrate, refine};
 use crate::fit::search::options::Options;
 use crate::model::ModelError;
 use crate::model::constraint::{Constraint, Given};
@@ -147,7 +146,7 @@ impl Calibrate<'_> {
         // The parameter of the profile does not exist in one dimension.
         let of_profile: Vec<_> = options.constraints.extract_if(.., |c| self.quasi_2d && c.name == SCALE_2D).collect();
         options.constraints.extend(self.quasi_2d.then(|| textbook(SCALE_1D)));
-        let mut fit = calibrate_nested(self.rig, self.runs, &effects, &options, self.on_progress)?;
+        let mut fit = calibrate(self.rig, self.runs, &effects, &options, self.on_progress)?;
         if self.quasi_2d {
             // The factor of one friction stands where that of the other stood.
             options.constraints.retain(|c| c.name != SCALE_1D);

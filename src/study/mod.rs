@@ -25,9 +25,8 @@ use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
 use crate::fit::problem::error::FitError;
 use crate::fit::progress::{OnProgress, Progress};
-use crate::fit::search::calibrate::{calibrate, without};
-use crate::fit::search::nested::with_more_elements;
-use crate::fit::search::options::Options;
+use crate::fit::search::calibrate::{Begin, Fitter};
+use crate::fit::search::options::{Effort, Options};
 use crate::model::Model;
 use crate::model::effects::{Chosen, parse_list};
 use crate::recording::Recording;
@@ -240,7 +239,7 @@ impl Study {
     pub fn without(&self, fit: &Fit, effect: &str) -> Result<Fit> {
         let is_it = |c: &Chosen| c.label() == effect || c.effect.name() == effect;
         let Some(i) = fit.effects.iter().position(is_it) else { return Err(Error::NoSuchEffect(effect.to_owned())) };
-        Ok(without(&self.rig, &self.runs, fit, i, &options_of(fit), self.watcher())?)
+        Ok(self.fitter(&options_of(fit)).without(fit, i, Effort::Whole)?)
     }
 
     /// What would explain what a fitted model leaves, where no effect of the catalogue does: the most probable place of
@@ -270,7 +269,7 @@ impl Study {
         if start.len() == effects.len() || of_added || !start.iter().all(has) {
             return Ok(Growing::starting(rig, runs, effects, options, self.watcher())?);
         }
-        let fit = calibrate(rig, runs, effects, options, self.watcher())?;
+        let fit = self.fitter(options).fit(effects, Begin::Signals, Effort::Whole)?;
         Ok(Growing::starting(rig, runs, start, options, self.watcher())?.grown_to(rig, runs, fit)?)
     }
 
@@ -302,7 +301,7 @@ impl Study {
             && Some(most) > has
         {
             let options = options_of(fit);
-            let grown = with_more_elements(&self.rig, &self.runs, fit.clone(), (i, most), &options, self.watcher())?;
+            let grown = self.fitter(&options).with_more_elements(fit, i, most, Effort::Whole)?;
             if grown.effects[i].elements == has {
                 return Err(Error::NoMoreElements(fit.effects[i].label()));
             }
@@ -313,6 +312,11 @@ impl Study {
         parse_list(&labels.join(","))?;
         let (fit, evidence) = grow(&self.rig, &self.runs, fit, &added, &options_of(fit), self.watcher())?;
         Ok(Grown { fit, evidence })
+    }
+
+    /// What fits models of the recordings, with these options.
+    pub(crate) fn fitter<'a>(&'a self, options: &'a Options) -> Fitter<'a> {
+        Fitter::new(&self.rig, &self.runs, options, self.watcher())
     }
 
     /// The watcher of computations.

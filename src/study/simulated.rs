@@ -5,9 +5,9 @@ use crate::fit::outcome::fit::{Fit, FittedParameter};
 use crate::fit::problem::fit_problem::{FitProblem, Window};
 use crate::fit::problem::hum::without_hum;
 use crate::fit::problem::observed::Shown;
-use crate::fit::search::calibrate::{follow, refine};
-use crate::fit::search::nested::or_from_signals;
-use crate::fit::search::options::Options;
+use crate::fit::search::calibrate::Begin;
+use crate::fit::search::from_signals::follow;
+use crate::fit::search::options::{Effort, Options};
 use crate::model::Model;
 use crate::model::constraint::{Constraint, Given};
 use crate::model::effects::Chosen;
@@ -63,7 +63,7 @@ impl Study {
         let model = Model::new(self.rig(), &self.runs()[0].conditions.water, effects);
         let window = Window { reaches: 1, horizon_s: f64::INFINITY, stride: 1 };
         let values = values_of(&FitProblem::new(&model, self.runs(), window), given)?;
-        Ok(refine(self.rig(), self.runs(), effects, &values, options, self.watcher())?)
+        Ok(self.fitter(options).fit(effects, Begin::At(&values), Effort::Whole)?)
     }
 
     /// The fit, or the one from the signals under the same bounds where that leaves less.
@@ -72,7 +72,7 @@ impl Study {
     /// A model that cannot be simulated.
     pub fn or_from_signals(&self, fit: Fit) -> Result<Fit> {
         let options = options_of(&fit);
-        Ok(or_from_signals(fit, self.rig(), self.runs(), &options, self.watcher())?)
+        Ok(self.fitter(&options).or_from_signals(fit)?)
     }
 
     /// The values of a fitted model where the `moved` parameters stand elsewhere and the others have followed them, on

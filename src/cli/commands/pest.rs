@@ -14,7 +14,7 @@ use crate::cli::console::print::{say, tell};
 use crate::cli::console::progress::shown;
 use crate::fit::numeric::least_squares::Problem as _;
 use crate::fit::problem::fit_problem::{FitProblem, Window};
-use crate::fit::search::calibrate::numbered;
+use crate::fit::search::from_signals::numbered;
 use crate::fit::search::options::Options;
 use crate::model::Model;
 use crate::model::effects::{Chosen, parse_list};

@@ -137,7 +137,7 @@ fn apart(fit: &mut CreepFit, ladder: &Ladder, step: &Step, room: usize) {
     let n = ladder.samples() as f64;
     let together = ladder.variables(step.creep.elements.len()) as f64;
     let gain = effective * (2.0 * step.solution.cost / n).max(0.1).ln() - effective * (square / n).max(0.1).ln();
-    if gain - (variables as f64 - together) * effective.ln() > STRONG_EVIDENCE {
+    if 0.5 * (gain - (variables as f64 - together) * effective.ln()) > STRONG_EVIDENCE {
         fit.remarks.push(format!(
             "a shift of times does not describe these tests: fitted apart they leave less, {} by {:.2} times; compliances change with \
              temperature too, or loads and specimens differ",

@@ -2,9 +2,8 @@
 
 use crate::diagnose::baseline::Baseline;
 use crate::diagnose::candidate::{Form, base_name, left_out};
-use crate::diagnose::fitter::Fitter;
-use crate::diagnose::limits::{AS_FAST, INDISTINGUISHABLE, LEAST_EVIDENCE, RIG_FILE_IS_WRONG, UNEXPLAINED_OVER_NOISE};
-use crate::diagnose::measures::over_noise;
+use crate::diagnose::evidence::tempered;
+use crate::diagnose::limits::{AS_FAST, RIG_FILE_IS_WRONG, UNEXPLAINED_OVER_NOISE};
 use crate::diagnose::models::Search;
 use crate::diagnose::next::{Answer, in_words};
 use crate::diagnose::outcome::{Candidate, Diagnosis, Pair, RivalPair, Verdict};
@@ -16,16 +15,19 @@ use crate::diagnose::warnings::warnings;
 use crate::diagnose::weigh::{Weighed, WeighedModel, left_of, over_noise_of, weigh};
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
+use crate::fit::outcome::thresholds::STRONG_EVIDENCE;
 use crate::fit::problem::error::FitError;
 use crate::fit::problem::fit_problem::{FitProblem, Window};
 use crate::fit::progress::Progress;
+use crate::fit::search::calibrate::Fitter;
 use crate::fit::validate::held_out::held_out_m;
 use crate::model::Model;
 use crate::rig::Rig;
 
 /// What a search that went on from a `state` says of what that lacks.
 pub(crate) fn diagnosis(search: &Search, state: &[&'static str], is_held: bool) -> Result<Diagnosis, FitError> {
-    let Fitter { rig, runs, asked, options, progress } = search.fitter;
+    let Fitter { rig, runs, options, progress, .. } = search.fitter;
+    let asked = search.asked;
     let start = search.fit_of(state);
     let own = if state.is_empty() { None } else { Some(Baseline::new(rig, runs, start, options)?) };
     let baseline = own.as_ref().unwrap_or(search.baseline);
@@ -33,11 +35,11 @@ pub(crate) fn diagnosis(search: &Search, state: &[&'static str], is_held: bool) 
     let mut candidates = candidates(search, &weighed);
     let shown = weighed.models.first().is_some_and(|m| m.is_shown && m.evidence > 0.0);
     let (mut pair, mut rival_pairs) = if shown { (None, Vec::new()) } else { pairs(search, &weighed) };
-    let (mut verdict, mut other) = verdict(over_noise(start, runs), &candidates, pair.as_ref(), shown);
+    let (mut verdict, mut other) = verdict(start.over_noise(), &candidates, pair.as_ref(), shown);
     // No effect makes a wave faster. Where the record shows one that the pipe of the rig file cannot have, an answer
     // that follows it all the same, or that explains nothing, makes up for a wrong length, wall or material.
     let answered = pair.as_ref().map(|p| &p.fit).or(candidates.first().and_then(|c| c.fit.as_ref()));
-    let astray = |fit: &Fit| over_noise(fit, runs) > UNEXPLAINED_OVER_NOISE || follows_too_fast(rig, runs, fit);
+    let astray = |fit: &Fit| fit.over_noise() > UNEXPLAINED_OVER_NOISE || follows_too_fast(rig, runs, fit);
     let rig_file_is_wrong =
         verdict != Verdict::NothingMissing && shows_too_fast(rig, runs) && answered.is_none_or(astray);
     if rig_file_is_wrong {
@@ -104,8 +106,8 @@ fn candidates(search: &Search, weighed: &Weighed) -> Vec<Candidate> {
         let effect = model.effect()?;
         let near = singles.iter().filter(|other| {
             other.effect() != model.effect()
-                && other.evidence > LEAST_EVIDENCE
-                && (other.log_odds() - model.log_odds()).abs() < INDISTINGUISHABLE
+                && tempered(other.evidence) > STRONG_EVIDENCE
+                && (other.log_odds() - model.log_odds()).abs() < STRONG_EVIDENCE
         });
         let with_others = weighed.models.iter().filter(|m| m.met.key.contains(&effect)).map(|m| m.share);
         Some(Candidate {
@@ -134,7 +136,7 @@ fn candidates(search: &Search, weighed: &Weighed) -> Vec<Candidate> {
 /// The most probable pair, where the evidence for the second effect is enough, and the others whose share is not
 /// negligible beside it.
 fn pairs(search: &Search, weighed: &Weighed) -> (Option<Pair>, Vec<RivalPair>) {
-    let both = |m: &&WeighedModel| m.added.len() == 2 && m.evidence > LEAST_EVIDENCE && m.met.fit.is_some();
+    let both = |m: &&WeighedModel| m.added.len() == 2 && tempered(m.evidence) > STRONG_EVIDENCE && m.met.fit.is_some();
     let mut all = weighed.models.iter().filter(both);
     let Some((best, fit)) = all.next().and_then(|best| Some((best, best.met.fit.clone()?))) else {
         return (None, Vec::new());
@@ -144,7 +146,7 @@ fn pairs(search: &Search, weighed: &Weighed) -> (Option<Pair>, Vec<RivalPair>) {
         return (None, Vec::new());
     }
     let labels = |m: &WeighedModel| [0, 1].map(|i| m.added[i].label());
-    let rivals = all.filter(|m| best.log_odds() - m.log_odds() < INDISTINGUISHABLE).map(|m| RivalPair {
+    let rivals = all.filter(|m| best.log_odds() - m.log_odds() < STRONG_EVIDENCE).map(|m| RivalPair {
         labels: labels(m),
         probability: m.share,
         over_noise: over_noise_of(m.met, search),

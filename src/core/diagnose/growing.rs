@@ -5,8 +5,7 @@
 
 use crate::diagnose::baseline::Baseline;
 use crate::diagnose::conclusion::diagnosis;
-use crate::diagnose::fitter::Fitter;
-use crate::diagnose::limits::{INDISTINGUISHABLE, MOST_MISSING};
+use crate::diagnose::limits::MOST_MISSING;
 use crate::diagnose::met::{Done, Key, Met, has_all};
 use crate::diagnose::models::Search;
 use crate::diagnose::outcome::Diagnosis;
@@ -14,8 +13,10 @@ use crate::diagnose::start::Start;
 use crate::diagnose::weigh::weigh;
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
+use crate::fit::outcome::thresholds::STRONG_EVIDENCE;
 use crate::fit::problem::error::FitError;
 use crate::fit::progress::OnProgress;
+use crate::fit::search::calibrate::Fitter;
 use crate::fit::search::options::Options;
 use crate::model::effects::Chosen;
 use crate::model::stop;
@@ -148,8 +149,8 @@ impl Growing {
         let Start { fit: start, held } = &self.start;
         let from = held.as_ref().unwrap_or(start);
         let baseline = Baseline::new(rig, runs, from, &self.options)?;
-        let fitter = Fitter { rig, runs, asked: &self.asked, options: &self.options, progress };
-        let mut search = Search::new(fitter, start, from, &baseline);
+        let fitter = Fitter::new(rig, runs, &self.options, progress);
+        let mut search = Search::new(fitter, &self.asked, start, from, &baseline);
         (search.met, search.done) = (std::mem::take(&mut self.met), std::mem::take(&mut self.done));
         let done = work(&mut search);
         stop::check()?;
@@ -164,7 +165,7 @@ fn needed(search: &Search, state: &[&'static str]) -> Option<Key> {
     let weighed = weigh(search, &[]);
     let own = weighed.models.iter().find(|m| m.met.key == state)?;
     let claim = weighed.claim();
-    let is_better = claim.map_or(own.evidence < 0.0, |c| c.log_odds() - own.log_odds() > INDISTINGUISHABLE);
+    let is_better = claim.map_or(own.evidence < 0.0, |c| c.log_odds() - own.log_odds() > STRONG_EVIDENCE);
     let claimed: &[&str] = claim.map_or(&[], |c| &c.met.key);
     if !is_better || has_all(claimed, state) {
         return None;

@@ -6,7 +6,7 @@ use crate::diagnose::{Diagnosis, Verdict, diagnose};
 use crate::fit::data::run_data::RunData;
 use crate::fit::problem::test_record::{HDPE, record};
 use crate::fit::search::calibrate::{calibrate, refine};
-use crate::fit::search::options::Options;
+use crate::fit::search::options::{Effort, Options};
 use crate::model::Model;
 use crate::model::effects::parse_list;
 use crate::rig::Rig;
@@ -80,6 +80,18 @@ fn the_order_of_effects_sensors_and_runs_changes_no_answer() {
     }
 }
 
+/// A diagnosis starts where a calibration ends.
+#[test]
+fn a_model_ends_alike_whoever_fits_it() {
+    let rig = copper();
+    let runs = [record(&rig, &parse_list("leak").unwrap(), &[1200.0, 31.0, 4.0], run(0.5), 0.02, 2.0)];
+    let options = Options { most_reaches: 64, ..Options::default() };
+    let leak = parse_list("leak").unwrap();
+    let calibrated = calibrate(&rig, &runs, &leak, &options, &|_| {}).unwrap();
+    let diagnosed = diagnose(&rig, &runs, &leak, &options, &|_| {}).unwrap();
+    assert_eq!(diagnosed.start.values(), calibrated.values());
+}
+
 /// A rival whose fit was stopped on its way is fitted on, though the search was at its end before it was met.
 #[test]
 fn a_rival_that_comes_late_is_led_to_its_optimum() {
@@ -96,7 +108,7 @@ fn a_rival_that_comes_late_is_led_to_its_optimum() {
         // the same place once more, a little aside and hardly fitted
         let mut aside = best.values();
         aside[2] *= 1.02;
-        let begun = Options { brief: true, ..options.clone() };
+        let begun = Options { effort: Effort::Brief, ..options.clone() };
         let rival = refine(&rig, &runs, &best.effects, &aside, &begun, &|_| {}).unwrap();
         let place = search.place(&["leak"]);
         search.met[place].fit = Some(rival);

@@ -59,9 +59,6 @@ pub(crate) const REFINED_EFFECTS: usize = 6;
 
 /// Most candidates that each stage fits to all samples on the fine grid. Cost, and tuned: data unknown.
 pub(crate) const FULL_FITS: usize = 3;
-/// Finest grid of a fit with cavities, in reaches, except near the noise: the spikes of their collapse belong to the
-/// grid. Literature: Bergant, Simpson & Tijsseling (2006) for the fact; the number is tuned: data unknown.
-pub(crate) const MOST_REACHES_WITH_CAVITIES: usize = 128;
 /// A candidate that leaves this many times the best candidate's square gets no full fit. Cost, and tuned: data unknown.
 pub(crate) const NO_FULL_FIT_ABOVE: f64 = 4.0;
 /// A candidate that leaves less than this many times the best candidate's square is fitted until it converges. Cost,
@@ -70,8 +67,6 @@ pub(crate) const CONVERGE_BELOW: f64 = 1.2;
 /// Error over noise below which a forecast is accurate: an effect that it does not promise will not appear. Tuned: data
 /// unknown.
 pub(crate) const QUIET: f64 = 1.2;
-/// Error over noise of a model above which its parameters may be wrong. Tuned: data unknown.
-pub(crate) const START_DOUBTFUL: f64 = 3.0;
 
 /// Most effects that one diagnosis finds missing. Cost: a further diagnosis finds more.
 pub(crate) const MOST_MISSING: usize = 2;
@@ -84,9 +79,6 @@ pub(crate) const TEMPERATURE: f64 = 4.0;
 /// Odds, before any data, that nothing is missing against any one effect. Derived: nothing is as probable as that one
 /// of the effects of the catalogue is missing.
 pub(crate) const PRIOR_ODDS_OF_NOTHING: f64 = CATALOGUE.len() as f64;
-/// Least evidence for an effect to be worth having: the largest of as many searches by chance stays below. Derived in
-/// principle; no calculation of the number is left.
-pub(crate) const LEAST_EVIDENCE: f64 = 12.0;
 /// Least that an effect must take away of the error over noise, in quadrature: less is not worth a model. Tuned: data
 /// unknown.
 pub(crate) const LEAST_FALL: f64 = 0.25;
@@ -107,9 +99,6 @@ pub(crate) const LEAST_FORECAST: f64 = 0.2;
 pub(crate) const ODDS_AT_BOUND: f64 = 0.04;
 /// Evidence that an effect has at most if it is not worth a model. Tuned: data unknown.
 pub const NEGLIGIBLE_EVIDENCE: f64 = -16.0;
-/// Difference of tempered evidence within which two models cannot be told apart, by the records or by a test: a Bayes
-/// factor of twenty. Literature: Kass & Raftery (1995), "strong".
-pub(crate) const INDISTINGUISHABLE: f64 = 3.0;
 
 // ---- Verdict -------------------------------------------------------------------------------------------------------
 

@@ -3,8 +3,8 @@
 use crate::diagnose::evidence::EvidenceScale;
 use crate::diagnose::limits::{ERROR_OF_EFFECT, LEAST_FALL, MODEL_ERROR};
 use crate::extent::ends;
-use crate::fit::data::run_data::{RunData, SensorData};
-use crate::fit::outcome::fit::{Fit, SensorFit};
+use crate::fit::data::run_data::RunData;
+use crate::fit::outcome::fit::Fit;
 
 /// Sum over all samples of (residual / noise)².
 pub(crate) fn square(fit: &Fit) -> f64 {
@@ -12,26 +12,15 @@ pub(crate) fn square(fit: &Fit) -> f64 {
     sensors.map(|s| s.time_s.len() as f64 * (s.rmse_m / s.white_noise_m).powi(2)).sum()
 }
 
-/// Error over noise of a fit: each sensor's error over its total noise before the closure, rms over all samples.
-pub(crate) fn over_noise(fit: &Fit, runs: &[RunData]) -> f64 {
-    over_samples(fit, runs, |fitted, data| (fitted.rmse_m / data.total_noise_m).powi(2)).sqrt()
-}
-
 /// The square of the error over noise of a fit beyond what every model of a closure leaves: noise, and what oscillates
 /// in the pipe before the closure.
 pub(crate) fn beyond(fit: &Fit, runs: &[RunData]) -> f64 {
-    over_samples(fit, runs, |fitted, data| {
-        (fitted.rmse_m.powi(2) - data.oscillation_m.powi(2)) / data.total_noise_m.powi(2) - 1.0
-    })
-}
-
-/// The mean of what `of` says of each sensor, over all samples of a fit.
-fn over_samples(fit: &Fit, runs: &[RunData], of: impl Fn(&SensorFit, &SensorData) -> f64) -> f64 {
     let (mut sum, mut n) = (0.0, 0.0);
     for (fitted, run) in fit.runs.iter().zip(runs) {
         for (sensor, data) in fitted.sensors.iter().zip(&run.sensors) {
             let samples = sensor.time_s.len() as f64;
-            sum += samples * of(sensor, data);
+            let square_m2 = sensor.rmse_m.powi(2) - data.oscillation_m.powi(2);
+            sum += samples * (square_m2 / data.total_noise_m.powi(2) - 1.0);
             n += samples;
         }
     }
@@ -40,8 +29,8 @@ fn over_samples(fit: &Fit, runs: &[RunData], of: impl Fn(&SensorFit, &SensorData
 
 /// By how much the square of the error over noise falls from a sum of squares to another, both over the samples of a
 /// start model.
-pub(crate) fn fall(start: &Fit, runs: &[RunData], from: f64, to: f64) -> f64 {
-    over_noise(start, runs).powi(2) * (from - to) / square(start)
+pub(crate) fn fall(start: &Fit, from: f64, to: f64) -> f64 {
+    start.mean_square() * (from - to) / square(start)
 }
 
 /// The least fall of the squared error over noise that is worth a model: more than noise does, and more than solvers

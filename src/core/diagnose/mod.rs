@@ -1,8 +1,8 @@
 //! Diagnosis: where a model fails, and which effect of the catalogue is missing from it.
 //!
 //! 1. The start model is fitted ([`start`]).
-//! 2. [`search`] meets models with one further effect, or two, the most promising first, and fits them with one
-//!    [`fitter`].
+//! 2. [`search`] meets models with one further effect, or two, the most promising first, and fits them with the
+//!    [`Fitter`] of every command.
 //! 3. [`mod@weigh`] turns what each of them leaves into [`evidence`] and probabilities, and [`verdict`] into the
 //!    answer. Effects that the data cannot tell apart are named together, with the test that would tell them apart
 //!    ([`next`]).
@@ -14,7 +14,6 @@ pub mod candidate;
 pub(crate) mod circumstances;
 pub(crate) mod conclusion;
 pub mod evidence;
-pub(crate) mod fitter;
 pub mod growing;
 #[cfg(test)]
 mod invariants;
@@ -38,8 +37,7 @@ pub mod warnings;
 pub(crate) mod weigh;
 
 use crate::diagnose::baseline::Baseline;
-use crate::diagnose::candidate::forms_of;
-use crate::diagnose::fitter::Fitter;
+use crate::diagnose::candidate::{Form, forms_of};
 use crate::diagnose::growing::Growing;
 pub use crate::diagnose::limits::NEGLIGIBLE_EVIDENCE;
 use crate::diagnose::measures::{evidence_scale, square};
@@ -50,9 +48,8 @@ use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
 use crate::fit::problem::error::FitError;
 use crate::fit::progress::{OnProgress, Progress};
-use crate::fit::search::calibrate::calibrate;
-use crate::fit::search::nested::or_from_signals;
-use crate::fit::search::options::Options;
+use crate::fit::search::calibrate::{Begin, Fitter};
+use crate::fit::search::options::{Effort, Options};
 use crate::model::check_places;
 use crate::model::effects::Chosen;
 use crate::rig::Rig;
@@ -60,7 +57,7 @@ use crate::rig::Rig;
 /// Diagnoses `runs` of a rig, starting from a model with `effects`. `progress` receives a few words on each step.
 ///
 /// # Errors
-/// As [`calibrate`]; a candidate that cannot be simulated is left out.
+/// As [`calibrate`](crate::fit::search::calibrate::calibrate); a candidate that cannot be simulated is left out.
 pub fn diagnose(
     rig: &Rig,
     runs: &[RunData],
@@ -93,7 +90,7 @@ pub fn diagnose_fit(
 /// effect.
 ///
 /// # Errors
-/// As [`calibrate`]; also if no start of the effect can be simulated.
+/// As [`calibrate`](crate::fit::search::calibrate::calibrate); also if no start of the effect can be simulated.
 pub fn grow(
     rig: &Rig,
     runs: &[RunData],
@@ -105,24 +102,23 @@ pub fn grow(
     check_places(rig, std::slice::from_ref(added))?;
     let baseline = Baseline::new(rig, runs, start, options)?;
     let shown = |p: &Progress| progress(&p.within(&added.label()));
-    let mut fits = Vec::new();
-    if added.effect.elements().is_some() {
-        // The calibration adds elements one by one.
+    let fitter = Fitter::new(rig, runs, options, &shown);
+    let fit = if added.effect.elements().is_some() {
+        // they are added one by one
         let effects: Vec<Chosen> = baseline.effects.iter().cloned().chain([added.clone()]).collect();
-        fits.push(calibrate(rig, runs, &effects, options, &shown));
+        fitter.fit(&effects, Begin::Signals, Effort::Whole)?
     } else {
-        let fitter = Fitter { rig, runs, asked: &baseline.effects, options, progress };
-        for form in forms_of(rig, added) {
-            let refit = screen(&baseline, &form).and_then(|screened| refine(&baseline, &screened));
-            fits.push(refit.map_err(FitError::from).and_then(|refit| fitter.on_from(&refit.effects, &refit.values)));
-        }
-    }
-    let (fits, failures): (Vec<_>, Vec<_>) = fits.into_iter().partition(Result::is_ok);
-    let best = fits.into_iter().flatten().min_by(|a, b| square(a).total_cmp(&square(b)));
-    let best = best.ok_or_else(|| failures.into_iter().find_map(Result::err).unwrap_or(FitError::NoRun))?;
-    // where the smaller model ended without the effect may be far from where it ends with it
-    let best = or_from_signals(best, rig, runs, options, progress)?;
-    let parameters = best.parameters.len() - start.parameters.len();
-    let evidence = evidence_scale(&best, baseline.features()).evidence(square(start), square(&best), parameters);
-    Ok((best, evidence))
+        let forecast = |form: &Form| screen(&baseline, form).and_then(|screened| refine(&baseline, &screened));
+        let (forecasts, failures): (Vec<_>, Vec<_>) =
+            forms_of(rig, added).iter().map(forecast).partition(Result::is_ok);
+        let best = forecasts.into_iter().flatten().min_by(|a, b| a.square.total_cmp(&b.square));
+        let Some(best) = best else {
+            return Err(failures.into_iter().find_map(Result::err).map_or(FitError::NoRun, FitError::from));
+        };
+        // where the smaller model ended without the effect may be far from where it ends with it
+        fitter.or_from_signals(fitter.fit(&best.effects, Begin::At(&best.values), Effort::Whole)?)?
+    };
+    let parameters = fit.parameters.len() - start.parameters.len();
+    let evidence = evidence_scale(&fit, baseline.features()).evidence(square(start), square(&fit), parameters);
+    Ok((fit, evidence))
 }

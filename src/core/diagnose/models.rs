@@ -2,15 +2,17 @@
 
 use crate::diagnose::baseline::Baseline;
 use crate::diagnose::candidate::{Form, base_name};
-use crate::diagnose::fitter::Fitter;
-use crate::diagnose::measures::{error_of_effects, least_fall, over_noise, square};
+use crate::diagnose::measures::{error_of_effects, least_fall, square};
 use crate::diagnose::met::{Done, Key, Met};
 use crate::fit::outcome::fit::Fit;
+use crate::fit::search::calibrate::Fitter;
 use crate::model::effects::Chosen;
 
 /// What a search works with, and what it has found so far.
 pub(crate) struct Search<'a> {
     pub(crate) fitter: Fitter<'a>,
+    /// The start model's effects as the user asked for them: they may leave a number of elements open.
+    pub(crate) asked: &'a [Chosen],
     /// The start model: what every effect is counted from.
     pub(crate) start: &'a Fit,
     /// The fit that the search begins at.
@@ -26,9 +28,15 @@ pub(crate) struct Search<'a> {
 
 impl<'a> Search<'a> {
     /// A search from a fitted start model.
-    pub(crate) fn new(fitter: Fitter<'a>, start: &'a Fit, from: &'a Fit, baseline: &'a Baseline<'a>) -> Self {
+    pub(crate) fn new(
+        fitter: Fitter<'a>,
+        asked: &'a [Chosen],
+        start: &'a Fit,
+        from: &'a Fit,
+        baseline: &'a Baseline<'a>,
+    ) -> Self {
         let least_fall = least_fall(fitter.runs);
-        Search { least_fall, fitter, start, from, baseline, met: Vec::new(), done: Vec::new() }
+        Search { least_fall, fitter, asked, start, from, baseline, met: Vec::new(), done: Vec::new() }
     }
 
     /// The same where effects have `taken` some more of it.
@@ -38,8 +46,7 @@ impl<'a> Search<'a> {
 
     /// How much of the squared error over noise a model has taken.
     pub(crate) fn taken(&self, fit: &Fit) -> f64 {
-        let runs = self.fitter.runs;
-        over_noise(self.start, runs).powi(2) - over_noise(fit, runs).powi(2)
+        self.start.mean_square() - fit.mean_square()
     }
 
     pub(crate) fn get(&self, key: &[&'static str]) -> Option<&Met> {
@@ -61,7 +68,7 @@ impl<'a> Search<'a> {
         let place = self.place(&key);
         let is_coarser = self.met[place].fit.as_ref().is_some_and(|known| fit.reaches < known.reaches);
         let fit = match self.met[place].is_at_end && is_coarser && square(&fit) < self.met[place].square() {
-            true => self.fitter.to_its_end(&fit, None).unwrap_or(fit),
+            true => self.fitter.to_its_end(&fit).unwrap_or(fit),
             false => fit,
         };
         self.met[place].take(fit);
@@ -79,7 +86,7 @@ impl<'a> Search<'a> {
     /// Which effects of a model the start model lacks, or has with fewer elements.
     pub(crate) fn added(&self, effects: &[Chosen]) -> Vec<usize> {
         let known = |c: &Chosen| {
-            let own = self.fitter.asked.iter().find(|a| base_name(a.effect.name()) == base_name(c.effect.name()));
+            let own = self.asked.iter().find(|a| base_name(a.effect.name()) == base_name(c.effect.name()));
             own.is_some_and(|own| own.elements.is_none() || own.elements >= c.elements)
         };
         (0..effects.len()).filter(|&i| !known(&effects[i])).collect()
@@ -106,7 +113,7 @@ impl<'a> Search<'a> {
 
     /// The best form of each effect alone.
     pub(crate) fn forms_alone(&self) -> Vec<Form> {
-        let is_asked = |name: &str| self.fitter.asked.iter().any(|c| base_name(c.effect.name()) == name);
+        let is_asked = |name: &str| self.asked.iter().any(|c| base_name(c.effect.name()) == name);
         let alone = self.met.iter().filter(|m| m.key.len() == 1 && !is_asked(m.key[0]));
         alone.filter_map(|m| Some(Form { effect: m.key[0], chosen: self.effects_of(&m.key)?.pop()? })).collect()
     }

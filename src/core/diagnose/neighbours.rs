@@ -6,15 +6,45 @@ use rayon::prelude::*;
 use crate::diagnose::baseline::Baseline;
 use crate::diagnose::candidate::{Form, base_name, reason_apart};
 use crate::diagnose::evidence::{EvidenceScale, tempered};
-use crate::diagnose::limits::{FULL_FITS, INDISTINGUISHABLE, LEAST_EVIDENCE, LEAST_FORECAST, NO_FULL_FIT_ABOVE};
+use crate::diagnose::limits::{FULL_FITS, LEAST_FORECAST, NO_FULL_FIT_ABOVE};
 use crate::diagnose::measures::{beyond, fall, square};
 use crate::diagnose::met::{Forecast, Key, Met};
 use crate::diagnose::models::Search;
 use crate::diagnose::screening::{best_forms, refits, screened};
 use crate::fit::outcome::fit::Fit;
+use crate::fit::outcome::thresholds::STRONG_EVIDENCE;
+use crate::fit::problem::error::FitError;
+use crate::fit::progress::Progress;
+use crate::fit::search::calibrate::Begin;
+use crate::fit::search::from_signals::{CoarseFit, fit_coarsely};
+use crate::fit::search::options::Effort;
 use crate::model::effects::{Chosen, SHOWN};
 
 impl Search<'_> {
+    /// A brief fit from the signals; the fit chooses the elements of the effects that are `added`.
+    fn anew(&self, added: &[Chosen]) -> Result<Fit, FitError> {
+        let open = added.iter().map(|c| Chosen { elements: None, ..c.clone() });
+        let asked = self.asked.iter().filter(|c| added.iter().all(|a| a.effect.name() != c.effect.name()));
+        self.fitter.fit(&asked.cloned().chain(open).collect::<Vec<_>>(), Begin::Signals, Effort::Brief)
+    }
+
+    /// A coarse fit from the signals; the fit chooses the sensors of the effects that are `added`.
+    fn coarse(&self, start: &[Chosen], added: &[Chosen]) -> Result<CoarseFit, FitError> {
+        let open = added.iter().map(|c| Chosen { sensor: None, ..c.clone() });
+        let effects: Vec<Chosen> = start.iter().cloned().chain(open).collect();
+        let labels: Vec<String> = effects.iter().map(Chosen::label).collect();
+        (self.fitter.progress)(&Progress::from("from the signals").within(&labels.join(" + ")));
+        fit_coarsely(self.fitter.rig, self.fitter.runs, &effects, self.fitter.options)
+    }
+
+    /// A fitted model with as many more elements of its effect `i` as the evidence supports; none where it supports no
+    /// more.
+    pub(crate) fn with_more_elements(&self, fit: &Fit, i: usize) -> Option<Fit> {
+        let most = *fit.effects[i].effect.elements()?.end();
+        let more = self.fitter.with_more_elements(fit, i, most, Effort::Converged).ok()?;
+        (more.effects != fit.effects).then_some(more)
+    }
+
     /// Forecasts what each effect would leave beside a fitted model, or in the place of its effect `gone`. Returns the
     /// models that may be better than what is known of them.
     pub(crate) fn expand(&mut self, fit: &Fit, gone: Option<usize>) -> Vec<usize> {
@@ -75,8 +105,8 @@ impl Search<'_> {
         let least = LEAST_FORECAST * self.least_fall;
         let best = order.first().map_or(0.0, |(_, f)| f.evidence);
         let may_win = |(_, f): &(usize, &Forecast)| {
-            let evident = f.evidence > LEAST_EVIDENCE || tempered(best - f.evidence) < INDISTINGUISHABLE;
-            evident && f.square < most && fall(self.start, self.fitter.runs, known, f.square) > least
+            let evident = tempered(f.evidence) > STRONG_EVIDENCE || tempered(best - f.evidence) < STRONG_EVIDENCE;
+            evident && f.square < most && fall(self.start, known, f.square) > least
         };
         let leading: Vec<usize> = order.into_iter().filter(may_win).take(FULL_FITS).map(|(i, _)| i).collect();
         self.fit_forecasts(&leading);
@@ -93,8 +123,8 @@ impl Search<'_> {
                 // elements are added one by one, from the signals, which is more reliable
                 let grows = added.len() == 1 && added[0].elements.is_some();
                 let fit = match grows {
-                    true => this.fitter.anew(&added),
-                    false => this.fitter.on_from(&forecast.effects, &forecast.values),
+                    true => this.anew(&added),
+                    false => this.fitter.fit(&forecast.effects, Begin::At(&forecast.values), Effort::Brief),
                 };
                 Some((i, fit.ok(), grows))
             })
@@ -121,7 +151,7 @@ impl Search<'_> {
             .par_iter()
             .map(|&i| {
                 let added = this.effects_of(&this.met[i].key).unwrap_or_default();
-                (i, this.fitter.anew(&added).ok())
+                (i, this.anew(&added).ok())
             })
             .collect();
         for (i, fit) in fits {
@@ -143,7 +173,7 @@ impl Search<'_> {
             .filter(|form| of_state.iter().all(|c| reason_apart(c.effect, form.chosen.effect).is_none()))
             .filter_map(|form| {
                 let added: Vec<Chosen> = of_state.iter().chain([&form.chosen]).cloned().collect();
-                let fit = self.fitter.coarse(root, &added).ok()?;
+                let fit = self.coarse(root, &added).ok()?;
                 let square = fit.mean_square * self.start.samples() as f64;
                 Some(Forecast { effects: fit.effects, values: fit.values, square, evidence: f64::INFINITY })
             })
@@ -166,9 +196,8 @@ impl Search<'_> {
     /// More elements of a start model's effect whose number is fixed: an effect that makes up for missing ones would be
     /// named in their place.
     pub(crate) fn more_elements(&mut self) {
-        let fitter = &self.fitter;
-        let fixed = fitter.asked.iter().position(|c| c.elements.is_some());
-        if let Some(fit) = fixed.and_then(|i| fitter.with_more_elements(self.start, i)) {
+        let fixed = self.asked.iter().position(|c| c.elements.is_some());
+        if let Some(fit) = fixed.and_then(|i| self.with_more_elements(self.start, i)) {
             let place = self.place(&self.key(&fit.effects));
             self.met[place].is_from_signals = true;
             self.take(fit);
@@ -187,7 +216,7 @@ impl Search<'_> {
             return;
         }
         let added = self.effects_of(&self.met[i].key).unwrap_or_default();
-        if let Ok(fit) = self.fitter.anew(&added) {
+        if let Ok(fit) = self.anew(&added) {
             self.take(fit);
         }
         self.met[i].is_from_signals = true;

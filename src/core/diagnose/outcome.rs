@@ -1,9 +1,10 @@
 //! The outcome of a diagnosis, as plain data.
 
-use crate::diagnose::limits::{START_DOUBTFUL, WORSE_PREDICTION};
+use crate::diagnose::limits::WORSE_PREDICTION;
 use crate::diagnose::rest::explanation::Explanation;
 use crate::diagnose::visible::Visible;
 use crate::fit::outcome::fit::{Fit, FittedParameter};
+use crate::fit::search::thresholds::DOUBTFUL_ABOVE;
 use crate::interned::Text;
 use crate::number::probability;
 
@@ -128,7 +129,7 @@ impl Diagnosis {
     /// Whether the start model leaves so much that a wrong rig file may be the cause.
     pub fn start_is_far(&self) -> bool {
         let (rmse_m, noise_m) = self.start.pooled();
-        rmse_m > START_DOUBTFUL * noise_m
+        rmse_m > DOUBTFUL_ABOVE * noise_m
     }
 
     /// The start model with what is missing, where something is and could be fitted.

@@ -2,12 +2,15 @@
 
 use rayon::prelude::*;
 
-use crate::diagnose::limits::{CONVERGE_BELOW, INDISTINGUISHABLE, PRIOR_ODDS_OF_NOTHING};
+use crate::diagnose::limits::{CONVERGE_BELOW, PRIOR_ODDS_OF_NOTHING};
 use crate::diagnose::measures::square;
 use crate::diagnose::met::Met;
 use crate::diagnose::models::Search;
 use crate::diagnose::weigh::weigh;
 use crate::fit::outcome::fit::Fit;
+use crate::fit::outcome::thresholds::STRONG_EVIDENCE;
+use crate::fit::search::calibrate::Begin;
+use crate::fit::search::options::Effort;
 use crate::model::Model;
 use crate::model::effects::Chosen;
 
@@ -49,7 +52,7 @@ impl Search<'_> {
             }
         }
         let claimed = best.map_or(nothing, |best| best.log_odds());
-        let within_reach = weighed.models.iter().filter(|m| m.promised_log_odds > claimed - INDISTINGUISHABLE);
+        let within_reach = weighed.models.iter().filter(|m| m.promised_log_odds > claimed - STRONG_EVIDENCE);
         let (begun, new): (Vec<&Met>, Vec<&Met>) = within_reach.map(|m| m.met).partition(|m| m.fit.is_some());
         let unsettled: Vec<usize> = begun.into_iter().filter(|m| !m.is_at_end).map(place).collect();
         match (new.is_empty(), unsettled.is_empty()) {
@@ -75,7 +78,7 @@ impl Search<'_> {
         let ends: Vec<(usize, Option<Fit>)> = which
             .par_iter()
             .map(|&i| {
-                let end = this.met[i].fit.as_ref().and_then(|fit| this.fitter.to_its_end(fit, this.open(fit)).ok());
+                let end = this.met[i].fit.as_ref().and_then(|fit| this.at_its_end(fit));
                 (i, end)
             })
             .collect();
@@ -85,11 +88,16 @@ impl Search<'_> {
         }
     }
 
+    fn at_its_end(&self, fit: &Fit) -> Option<Fit> {
+        let end = self.fitter.to_its_end(fit).ok()?;
+        Some(self.open(fit).and_then(|i| self.with_more_elements(&end, i)).unwrap_or(end))
+    }
+
     /// The effect of a model whose elements may grow.
     fn open(&self, fit: &Fit) -> Option<usize> {
         let (added, room) = (self.added(&fit.effects), self.leaves_room(fit));
         let is_fixed =
-            |c: &Chosen| self.fitter.asked.iter().any(|a| a.elements.is_some() && a.effect.name() == c.effect.name());
+            |c: &Chosen| self.asked.iter().any(|a| a.elements.is_some() && a.effect.name() == c.effect.name());
         (0..fit.effects.len()).find(|i| {
             let c = &fit.effects[*i];
             c.elements.is_some() && !is_fixed(c) && (room || added.contains(i))
@@ -116,7 +124,8 @@ impl Search<'_> {
             .par_iter()
             .filter_map(|&i| {
                 let (effects, values) = this.met[i].model()?;
-                this.fitter.on_from(effects, &this.transplanted(&winner, effects, &values)).ok()
+                let from = this.transplanted(&winner, effects, &values);
+                this.fitter.fit(effects, Begin::At(&from), Effort::Brief).ok()
             })
             .collect();
         for &i in which {
@@ -133,7 +142,7 @@ impl Search<'_> {
             return;
         }
         let fitter = &self.fitter;
-        let fits: Vec<Fit> = added.par_iter().filter_map(|&i| fitter.without(winner, i).ok()).collect();
+        let fits: Vec<Fit> = added.par_iter().filter_map(|&i| fitter.without(winner, i, Effort::Brief).ok()).collect();
         fits.into_iter().for_each(|fit| self.take(fit));
     }
 
@@ -157,7 +166,6 @@ impl Search<'_> {
 
 #[cfg(test)]
 mod tests {
-    use crate::diagnose::measures::over_noise;
     use crate::diagnose::search::tests::{copper, run, searched};
     use crate::fit::problem::test_record::record;
     use crate::fit::search::calibrate::{calibrate, refine};
@@ -182,7 +190,7 @@ mod tests {
             }
             let [leak, seat] = ["leak", "valve-seat-leak"].map(|name| search.get(&[name]).unwrap());
             let found = seat.fit.as_ref().unwrap();
-            assert!(over_noise(found, &runs) < 1.05 && seat.square() < leak.square());
+            assert!(found.over_noise() < 1.05 && seat.square() < leak.square());
             let area_mm2 = found.parameter("seat_cda_mm2").unwrap().value;
             assert!((area_mm2 - 3.0).abs() < 0.1, "{area_mm2}");
         });
@@ -199,7 +207,7 @@ mod tests {
         searched(&rig, &runs, "none", &options, |search| {
             for (name, finer) in [("entrained-gas", true), ("valve-seat-leak", false)] {
                 let begun = calibrate(&rig, &runs, &parse_list(name).unwrap(), &coarse, &|_| {}).unwrap();
-                assert!(begun.converged && begun.reaches < 200 && over_noise(&begun, &runs) < 2.0, "{name}");
+                assert!(begun.converged && begun.reaches < 200 && begun.over_noise() < 2.0, "{name}");
                 let from = begun.reaches;
                 search.take(begun);
                 let place = search.place(&[name]);

@@ -7,12 +7,14 @@
 //! and leaving them out, until all that may be claimed is at its optimum. It ends where neither is left to do.
 
 use crate::diagnose::evidence::tempered;
-use crate::diagnose::limits::{INDISTINGUISHABLE, QUIET, START_DOUBTFUL};
-use crate::diagnose::measures::{beyond, fall, over_noise, square};
+use crate::diagnose::limits::QUIET;
+use crate::diagnose::measures::{beyond, fall, square};
 use crate::diagnose::met::{Done, Key, Met, Starts};
 use crate::diagnose::models::Search;
 use crate::diagnose::weigh::{WeighedModel, weigh};
 use crate::fit::outcome::fit::Fit;
+use crate::fit::outcome::thresholds::STRONG_EVIDENCE;
+use crate::fit::search::thresholds::DOUBTFUL_ABOVE;
 
 impl Search<'_> {
     /// Looks for models with as many effects more as `most` than those of a `state`, which is grown whatever it leaves.
@@ -54,7 +56,7 @@ impl Search<'_> {
         let bigger = (1..most).filter_map(|size| {
             let best = of_size(size).next()?;
             // A parameter at a bound says little as long as another effect is missing.
-            let alike = |m: &&WeighedModel| tempered(best.evidence - m.evidence) < INDISTINGUISHABLE;
+            let alike = |m: &&WeighedModel| tempered(best.evidence - m.evidence) < STRONG_EVIDENCE;
             let open = of_size(size).filter(alike).filter(|m| {
                 m.evidence > 0.0 && !m.is_shown && m.met.fit.as_ref().is_some_and(|fit| self.leaves_room(fit))
             });
@@ -66,9 +68,7 @@ impl Search<'_> {
         let far = states.iter().filter_map(|alike| Some((alike.first()?, Starts::AllFromSignals)));
         let mut steps = near.chain(far);
         // a state that has come to leave much less since is forecast again
-        let as_before = |state: &Key, left: f64| {
-            fall(self.start, self.fitter.runs, left, square(self.begun_at(state))) < self.least_fall
-        };
+        let as_before = |state: &Key, left: f64| fall(self.start, left, square(self.begun_at(state))) < self.least_fall;
         let is_done = |state: &Key, starts: Starts| {
             let same = |d: &&Done| d.0 == *state && d.1 == starts;
             self.done.iter().filter(same).any(|d| starts != Starts::Forecast || as_before(state, d.2))
@@ -86,7 +86,7 @@ impl Search<'_> {
     /// not appear.
     pub(crate) fn is_quiet(&self, size: usize) -> bool {
         let fits = self.met.iter().filter(|m| m.key.len() <= size).filter_map(|m| m.fit.as_ref());
-        fits.chain([self.start]).any(|fit| over_noise(fit, self.fitter.runs) < QUIET)
+        fits.chain([self.start]).any(|fit| fit.over_noise() < QUIET)
     }
 
     fn step(&mut self, state: &Key, starts: Starts) {
@@ -120,7 +120,7 @@ impl Search<'_> {
 
     /// Whether the best model is near enough for its rivals to be compared with it.
     fn is_near(&self) -> bool {
-        let near = START_DOUBTFUL.powi(2) - 1.0;
+        let near = DOUBTFUL_ABOVE.powi(2) - 1.0;
         self.leader().and_then(|m| m.fit.as_ref()).is_some_and(|fit| beyond(fit, self.fitter.runs) < near)
     }
 }
@@ -129,10 +129,9 @@ impl Search<'_> {
 pub(crate) mod tests {
     use super::*;
     use crate::diagnose::baseline::Baseline;
-    use crate::diagnose::fitter::Fitter;
     use crate::fit::data::run_data::RunData;
     use crate::fit::problem::test_record::{HDPE, record, short_branch};
-    use crate::fit::search::calibrate::calibrate;
+    use crate::fit::search::calibrate::{Fitter, calibrate};
     use crate::fit::search::options::Options;
     use crate::model::RunValues;
     use crate::model::effects::parse_list;
@@ -143,8 +142,8 @@ pub(crate) mod tests {
         let asked = parse_list(effects).unwrap();
         let start = calibrate(rig, runs, &asked, options, &|_| {}).unwrap();
         let baseline = Baseline::new(rig, runs, &start, options).unwrap();
-        let fitter = Fitter { rig, runs, asked: &asked, options, progress: &|_| {} };
-        check(&mut Search::new(fitter, &start, &start, &baseline));
+        let fitter = Fitter::new(rig, runs, options, &|_| {});
+        check(&mut Search::new(fitter, &asked, &start, &start, &baseline));
     }
 
     pub(crate) fn copper() -> Rig {

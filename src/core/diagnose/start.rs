@@ -9,14 +9,14 @@
 //! it.
 
 use crate::diagnose::circumstances::features;
-use crate::diagnose::limits::START_DOUBTFUL;
-use crate::diagnose::measures::{evidence_scale, over_noise};
+use crate::diagnose::measures::evidence_scale;
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
 use crate::fit::problem::error::FitError;
 use crate::fit::progress::{OnProgress, Progress};
 use crate::fit::search::calibrate::calibrate;
 use crate::fit::search::options::Options;
+use crate::fit::search::thresholds::DOUBTFUL_ABOVE;
 use crate::model::effects::Chosen;
 use crate::rig::Rig;
 
@@ -49,7 +49,7 @@ impl Start {
             calibrate(rig, runs, effects, options, &|p: &Progress| progress(&p.within("the start model")))
         };
         let fit = fitted(runs)?;
-        if over_noise(&fit, runs) < START_DOUBTFUL {
+        if fit.over_noise() < DOUBTFUL_ABOVE {
             return Ok(Start::of(fit));
         }
         let unit = evidence_scale(&fit, features(runs)).unit;

@@ -1,16 +1,18 @@
 //! The verdict that follows from the evidence, and how probable it is.
 
+use crate::diagnose::evidence::tempered;
 use crate::diagnose::limits::{
-    LEAST_EVIDENCE, NOISE_LIKE, STEEPNESS, STEEPNESS_UNEXPLAINED, UNEXPLAINED_OVER_NOISE, UNEXPLAINED_SHARE,
+    NOISE_LIKE, STEEPNESS, STEEPNESS_UNEXPLAINED, UNEXPLAINED_OVER_NOISE, UNEXPLAINED_SHARE,
 };
 use crate::diagnose::outcome::{Candidate, Pair, Verdict};
+use crate::fit::outcome::thresholds::STRONG_EVIDENCE;
 
 /// The verdict, and the probability that something outside the catalogue is missing. `start` is the start model's error
 /// over noise; `candidates` come most probable first; a `pair` is the answer instead of the first. A record that shows
 /// the first one by itself (`shown`) has it, whatever it leaves unexplained.
 pub(crate) fn verdict(start: f64, candidates: &[Candidate], pair: Option<&Pair>, shown: bool) -> (Verdict, f64) {
     // Alone, an effect of a pair may explain nothing.
-    let Some(best) = candidates.first().filter(|c| pair.is_some() || c.evidence >= LEAST_EVIDENCE) else {
+    let Some(best) = candidates.first().filter(|c| pair.is_some() || tempered(c.evidence) >= STRONG_EVIDENCE) else {
         // An error that instruments within their class explain still counts as noise.
         let within_class = candidates.iter().filter(|c| c.within_class && c.fit.is_some()).map(|c| c.over_noise);
         let left = within_class.fold(start, f64::min);

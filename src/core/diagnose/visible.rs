@@ -8,8 +8,9 @@ use rayon::prelude::*;
 use crate::diagnose::baseline::Baseline;
 use crate::diagnose::candidate::Form;
 use crate::diagnose::evidence::EvidenceScale;
-use crate::diagnose::limits::LEAST_EVIDENCE;
+use crate::diagnose::limits::TEMPERATURE;
 use crate::fit::numeric::least_squares::Problem;
+use crate::fit::outcome::thresholds::STRONG_EVIDENCE;
 use crate::interned::Text;
 use crate::model::parameter::{Parameter, Scale};
 
@@ -52,7 +53,7 @@ fn least(baseline: &Baseline, form: &Form, scale: EvidenceScale, least_fall: f64
     let change: Vec<f64> = with.iter().zip(without).map(|(w, r)| w - r).collect();
     let square = baseline.projected_dot(&change, &change);
     let free = own.iter().filter(|p| p.prior.is_none()).count() as f64;
-    let for_evidence = 2.0 * scale.unit * (LEAST_EVIDENCE + 0.5 * free * scale.effective.ln());
+    let for_evidence = 2.0 * scale.unit * (TEMPERATURE * STRONG_EVIDENCE + 0.5 * free * scale.effective.ln());
     let for_fall = least_fall * baseline.run_samples() as f64;
     let size = (for_evidence.max(for_fall) / square).sqrt();
     let value = sized(parameter, size);

@@ -3,11 +3,12 @@
 
 use crate::diagnose::candidate::base_name;
 use crate::diagnose::evidence::{EvidenceScale, probabilities, tempered};
-use crate::diagnose::limits::{LEAST_EVIDENCE, NEGLIGIBLE_EVIDENCE, ODDS_AT_BOUND, PRIOR_ODDS_OF_NOTHING};
-use crate::diagnose::measures::{evidence_scale, fall, over_noise, square};
+use crate::diagnose::limits::{NEGLIGIBLE_EVIDENCE, ODDS_AT_BOUND, PRIOR_ODDS_OF_NOTHING};
+use crate::diagnose::measures::{evidence_scale, fall, square};
 use crate::diagnose::met::{Met, has_all};
 use crate::diagnose::models::Search;
 use crate::fit::outcome::fit::{Fit, FittedParameter};
+use crate::fit::outcome::thresholds::STRONG_EVIDENCE;
 use crate::fit::outcome::uncertainty::Uncertainty;
 use crate::model::Model;
 use crate::model::effects::{Chosen, SHOWN};
@@ -23,7 +24,7 @@ pub(crate) struct Weighed<'s> {
 impl<'s> Weighed<'s> {
     /// The most probable of the fitted models whose evidence is enough.
     pub(crate) fn claim(&self) -> Option<&WeighedModel<'s>> {
-        self.models.iter().find(|m| m.met.fit.is_some() && m.evidence >= LEAST_EVIDENCE)
+        self.models.iter().find(|m| m.met.fit.is_some() && tempered(m.evidence) >= STRONG_EVIDENCE)
     }
 }
 
@@ -71,7 +72,7 @@ impl WeighedModel<'_> {
 /// Weighs all models that a search has met and that have the effects of a `state` and more, over the model of that
 /// state.
 pub(crate) fn weigh<'s>(search: &'s Search, state: &[&'static str]) -> Weighed<'s> {
-    let (baseline, start, runs) = (search.baseline, search.fit_of(state), search.fitter.runs);
+    let (baseline, start) = (search.baseline, search.fit_of(state));
     let bigger = || search.met.iter().filter(|m| m.key.len() > state.len() && has_all(&m.key, state));
     let fits = bigger().filter_map(|m| m.fit.as_ref()).chain([start]);
     let closest = fits.min_by(|a, b| square(a).total_cmp(&square(b))).unwrap_or(start);
@@ -85,12 +86,12 @@ pub(crate) fn weigh<'s>(search: &'s Search, state: &[&'static str]) -> Weighed<'
     // A model has to be worth more than each smaller one: the least that these leave, and their greatest evidence.
     let mut smaller = (allowed, 0.0);
     for size in 1..=models.iter().map(|m| m.added.len()).max().unwrap_or(0) {
-        let taken = if size == 1 { 0.0 } else { fall(start, runs, square(start), smaller.0) };
+        let taken = if size == 1 { 0.0 } else { fall(start, square(start), smaller.0) };
         let least = search.least_fall_after(search.taken(start) + taken);
         let worth = |model: &WeighedModel, left: f64| {
             let evidence = scale.evidence(allowed, left, model.free.saturating_sub(of_start));
-            let falls = fall(start, runs, smaller.0, left) >= least;
-            let evident = size == 1 || evidence > smaller.1 + LEAST_EVIDENCE;
+            let falls = fall(start, smaller.0, left) >= least;
+            let evident = size == 1 || tempered(evidence - smaller.1) > STRONG_EVIDENCE;
             if falls && evident { evidence } else { evidence.min(NEGLIGIBLE_EVIDENCE) }
         };
         let mut best = smaller;
@@ -129,8 +130,8 @@ fn is_shown(search: &Search, model: &WeighedModel) -> bool {
 /// first has against nothing.
 fn prior(search: &Search, model: &WeighedModel, evidence: f64) -> f64 {
     let odds: f64 = model.added.iter().map(|c| c.effect.odds(&search.baseline.known)).product();
-    let least = if is_shown(search, model) { 0.0 } else { LEAST_EVIDENCE };
-    let odds = if evidence < least { odds.min(1.0) } else { odds };
+    let least = if is_shown(search, model) { 0.0 } else { STRONG_EVIDENCE };
+    let odds = if tempered(evidence) < least { odds.min(1.0) } else { odds };
     odds / PRIOR_ODDS_OF_NOTHING.powi(model.added.len().saturating_sub(1) as i32)
 }
 
@@ -198,8 +199,8 @@ fn unfitted(p: &Parameter, value: f64) -> FittedParameter {
 
 /// Error over noise of a model: of its fit, or as forecast.
 pub(crate) fn over_noise_of(met: &Met, search: &Search) -> f64 {
-    let forecast = || over_noise(search.start, search.fitter.runs) * left_of(met, search.start);
-    met.fit.as_ref().map_or_else(forecast, |fit| over_noise(fit, search.fitter.runs))
+    let forecast = || search.start.over_noise() * left_of(met, search.start);
+    met.fit.as_ref().map_or_else(forecast, Fit::over_noise)
 }
 
 /// Its error as a share of the start model's.

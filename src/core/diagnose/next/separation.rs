@@ -4,11 +4,12 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::diagnose::baseline::{Baseline, window};
 use crate::diagnose::evidence::tempered;
-use crate::diagnose::limits::{DESIGN, INDISTINGUISHABLE, MOST_REPEATS};
+use crate::diagnose::limits::{DESIGN, MOST_REPEATS};
 use crate::diagnose::next::answer::{Answer, Known};
 use crate::diagnose::next::change::{Change, Stage};
 use crate::fit::data::run_data::{RunData, ShownClosing};
 use crate::fit::numeric::least_squares::{Problem, minimise};
+use crate::fit::outcome::thresholds::STRONG_EVIDENCE;
 use crate::fit::problem::fit_problem::FitProblem;
 use crate::model::effects::Chosen;
 use crate::model::{ModelError, RunValues};
@@ -96,7 +97,7 @@ pub(crate) fn of(
         of_both[truth] = tempered(sum / f64::from(draws) / unit);
     }
     let log_odds = f64::min(of_both[0], of_both[1]);
-    let repeats = (INDISTINGUISHABLE / log_odds).ceil();
+    let repeats = (STRONG_EVIDENCE / log_odds).ceil();
     let heads = curves.iter().flat_map(|c: &Curve| c.one_m.iter().chain(&c.other_m));
     Some(Separation {
         instruction: change.instruction(&known[0].runs[0], baseline.rig, &remedy),

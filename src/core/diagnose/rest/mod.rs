@@ -25,8 +25,7 @@ pub mod waveform;
 pub(crate) mod words;
 
 use crate::diagnose::evidence::tempered;
-use crate::diagnose::limits::{INDISTINGUISHABLE, LEAST_EVIDENCE};
-use crate::diagnose::measures::{least_fall, over_noise};
+use crate::diagnose::measures::least_fall;
 use crate::diagnose::rest::cells::{CELLS, Run, Times};
 use crate::diagnose::rest::explanation::{Explanation, Site};
 use crate::diagnose::rest::law::{Followed, law_of};
@@ -39,6 +38,7 @@ use crate::diagnose::rest::waveform::Waveform;
 use crate::diagnose::rest::words::{Look, sentence};
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
+use crate::fit::outcome::thresholds::STRONG_EVIDENCE;
 use crate::fit::progress::{OnProgress, Progress};
 use crate::fit::search::options::Options;
 use crate::fit::search::thresholds::COARSE_REACHES;
@@ -57,7 +57,7 @@ pub fn explain(
     options: &Options,
     progress: &OnProgress<'_>,
 ) -> Result<Vec<Explanation>, ModelError> {
-    if over_noise(fit, runs).powi(2) < 1.0 + least_fall(runs) {
+    if fit.mean_square() < 1.0 + least_fall(runs) {
         return Ok(Vec::new());
     }
     progress(&Progress::from("what would explain the rest"));
@@ -87,7 +87,7 @@ pub fn explain(
     stop::check()?;
     all.sort_by(|a, b| b.log_odds(rig).total_cmp(&a.log_odds(rig)));
     let Some(best) = all.first() else { return Ok(Vec::new()) };
-    if best.evidence() < LEAST_EVIDENCE {
+    if tempered(best.evidence()) < STRONG_EVIDENCE {
         return Ok(Vec::new());
     }
     let top = best.log_odds(rig);
@@ -100,7 +100,7 @@ pub fn explain(
     let mut shown: Vec<(&Kind, f64)> = all
         .iter()
         .enumerate()
-        .filter(|(i, kind)| top - kind.log_odds(rig) < INDISTINGUISHABLE || alike == Some(*i))
+        .filter(|(i, kind)| top - kind.log_odds(rig) < STRONG_EVIDENCE || alike == Some(*i))
         .map(|(i, kind)| (kind, shared.filter(|_| i == 0 || alike == Some(i)).unwrap_or_else(|| probability(kind))))
         .collect();
     shown.sort_by(|a, b| b.1.total_cmp(&a.1).then(b.0.is_supply().cmp(&a.0.is_supply())));

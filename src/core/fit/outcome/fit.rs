@@ -238,8 +238,8 @@ impl Fit {
         self.effects.iter().map(Chosen::label).collect()
     }
 
-    /// Fall of the Bayesian information criterion from a simpler model's fit to the same recordings; samples that
-    /// repeat each other count once.
+    /// Evidence over a simpler model's fit to the same recordings, natural logarithm of odds: half the fall of the
+    /// Bayesian information criterion; samples that repeat each other count once.
     pub fn evidence_over(&self, simpler: &Fit) -> f64 {
         let summary = |fit: &Fit| {
             let sensors = fit.runs.iter().flat_map(|r| &r.sensors);
@@ -261,6 +261,11 @@ impl Fit {
         let samples = |s: &SensorFit| s.time_s.len() as f64;
         let square: f64 = sensors().map(|s| samples(s) * (s.rmse_m / s.noise_m).powi(2)).sum();
         square / self.samples().max(1) as f64
+    }
+
+    /// Error over noise: the root of [`Fit::mean_square`].
+    pub fn over_noise(&self) -> f64 {
+        self.mean_square().sqrt()
     }
 
     /// RMSE and noise over all runs, m: weighted by their numbers of samples; NaN where there are none.

@@ -9,8 +9,9 @@ use crate::fit::problem::fit_problem::{FitProblem, Window};
 use crate::fit::search::assemble::{assemble, errors_of};
 use crate::fit::search::calibrator::{Calibrator, Estimate};
 use crate::fit::search::descent::{polishing, slopes};
+use crate::fit::search::options::Effort;
 use crate::fit::search::polish::polish;
-use crate::fit::search::thresholds::{BRIEF, FINAL, FINAL_REACHES, GRID_REFINEMENT, MAX_GRID_PULL, PATIENCE};
+use crate::fit::search::thresholds::{FINAL, FINAL_REACHES, GRID_REFINEMENT, MAX_GRID_PULL, SCREENING};
 use crate::model::{Model, ModelError};
 
 /// The changes that a finer grid makes.
@@ -25,8 +26,13 @@ struct Pull {
     over_errors: f64,
 }
 
+fn is_brief(ctx: &Calibrator) -> bool {
+    ctx.options.effort == Effort::Brief
+}
+
+/// The limits; those of a brief fit stop as early as a screening.
 fn patient(ctx: &Calibrator, limits: Limits) -> Limits {
-    Limits { iterations: limits.iterations.min(if ctx.options.brief { BRIEF } else { PATIENCE }), ..limits }
+    if is_brief(ctx) { Limits { iterations: SCREENING.iterations, ..limits } } else { limits }
 }
 
 /// Refines the grid until its error is small against the noise and its pull on the parameters against their standard
@@ -74,7 +80,7 @@ pub(crate) fn descend(ctx: &Calibrator, model: &Model, mut values: Vec<f64>, rea
         model.put_in_order(&mut values);
     }
     let whole = ctx.whole(reaches);
-    let problem = if ctx.options.brief { ctx.passing(model, whole) } else { ctx.problem(model, whole) };
+    let problem = if is_brief(ctx) { ctx.passing(model, whole) } else { ctx.problem(model, whole) };
     problem.validate_constraints(&model.constraints)?;
     let solution = polish(ctx, &problem, &values, polishing(&problem, patient(ctx, FINAL)))?;
     assemble(ctx, &problem, &solution)

@@ -1,23 +1,32 @@
-//! What a caller chooses about a fit.
+//! How a fit is made, and how far it goes.
 
 use crate::fit::problem::method::Method;
 use crate::fit::problem::objective::Objective;
 use crate::model::constraint::{Constraint, Given};
 use crate::model::prior::Prior;
 
-/// How far a fit may go.
+/// How far a fit goes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Effort {
+    /// To see which model is worth more: few iterations on each of the finer grids, with slopes of a coarser one.
+    Brief,
+    /// Until it converges; elements of creep that keep it from its optimum stay where they are. To place them again
+    /// takes longer than the fit, and changes what is known of the elements, not which model is better.
+    Converged,
+    /// The same; such elements are placed again or left out. From the signals it ends no worse than the models that it
+    /// contains.
+    Whole,
+}
+
+/// What a caller chooses about a fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
     /// Most reaches of the grid.
     pub most_reaches: usize,
     /// Share of the noise that the grid's own error may have.
     pub grid_error_over_noise: f64,
-    /// A brief fit, to see which model is worth a whole one: few iterations on each of the finer grids, with slopes of
-    /// a coarser one, and none from smaller models.
-    pub brief: bool,
-    /// Elements of creep that keep a descent from its optimum are placed again or left out. That takes longer than the
-    /// fit, and changes what is known of the elements, not which model is better.
-    pub prune: bool,
+    /// How far it goes on each grid.
+    pub effort: Effort,
     /// Parameters that are held, or kept within bounds of their own.
     pub constraints: Vec<Constraint>,
     /// How to search.
@@ -47,8 +56,7 @@ impl Default for Options {
         Options {
             most_reaches: 512,
             grid_error_over_noise: 0.3,
-            brief: false,
-            prune: true,
+            effort: Effort::Whole,
             constraints: Vec::new(),
             method: Method::LeastSquares,
             objective: Objective::Time,

@@ -11,6 +11,7 @@ use crate::fit::numeric::least_squares::{Limits, Problem, Solution, Stop};
 use crate::fit::problem::fit_problem::FitProblem;
 use crate::fit::search::calibrator::Calibrator;
 use crate::fit::search::descent::{by_value, lower_along, predict_reduction};
+use crate::fit::search::options::Effort;
 use crate::fit::search::prune_elements::prune_elements;
 use crate::fit::search::thresholds::MAX_RESTARTS;
 use crate::model::ModelError;
@@ -42,7 +43,10 @@ pub(crate) fn polish(
             break;
         }
     }
-    if ctx.options.prune { prune_elements(ctx, problem, solution, limits) } else { Ok(solution) }
+    match ctx.options.effort {
+        Effort::Whole => prune_elements(ctx, problem, solution, limits),
+        Effort::Brief | Effort::Converged => Ok(solution),
+    }
 }
 
 /// Values after a step of the values themselves; none where no share of it lowers the cost.

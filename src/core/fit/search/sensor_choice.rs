@@ -1,6 +1,6 @@
 //! Which pressure sensor an effect concerns, where its user names none.
 
-use crate::fit::search::thresholds::SENSOR_TIE;
+use crate::fit::outcome::thresholds::STRONG_EVIDENCE;
 use crate::model::effects::Chosen;
 use crate::rig::Rig;
 
@@ -41,7 +41,7 @@ pub fn with_sensors<E>(
                 chosen.iter().map(|c| if is_open(c) { with_two(c) } else { c.clone() }).collect();
             trial[i] = here.clone();
             let cost = cost(&trial)?;
-            if best.as_ref().is_none_or(|b| cost < b.0 - SENSOR_TIE) {
+            if best.as_ref().is_none_or(|b| cost < b.0 - STRONG_EVIDENCE) {
                 best = Some((cost, here));
             }
         }

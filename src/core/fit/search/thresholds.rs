@@ -4,7 +4,6 @@
 //! the number of samples.
 
 use crate::fit::numeric::least_squares::Limits;
-use crate::fit::outcome::thresholds::STRONG_EVIDENCE;
 
 /// Reaches of the grid while the phase locks. Tuned; data unknown.
 pub(crate) const LOCKING_REACHES: usize = 32;
@@ -46,9 +45,6 @@ pub(crate) const COARSE: Limits =
     Limits { iterations: 30, cost_tolerance: 3e-4, step_tolerance: 1e-7, thorough: false };
 /// Of a fit of the first cycles: what it leaves undone the next window does. Cost.
 pub(crate) const LOCKING: Limits = Limits { cost_tolerance: 3e-3, ..COARSE };
-/// Half the difference of two fits' sums of squares below which the data cannot tell two sensors apart. Derived: half
-/// of strong evidence.
-pub(crate) const SENSOR_TIE: f64 = 0.5 * STRONG_EVIDENCE;
 
 /// Mean square of what a fit leaves, in units of the noise, above which smaller models are fitted, too. Derived: below,
 /// none can leave less by more than noise.
@@ -60,16 +56,17 @@ pub(crate) const AS_GOOD_WITHOUT: f64 = 1.02;
 /// Cost, and chosen: the coarse grid may err by as much.
 pub(crate) const HOPELESS_SMALLER: f64 = 1.5;
 
+/// Error over noise of a model above which its parameters may be wrong. Tuned; data unknown.
+pub(crate) const DOUBTFUL_ABOVE: f64 = 3.0;
+/// Finest grid of a fit with cavities among others, in reaches, except near the noise: the spikes of their collapse
+/// belong to the grid. Literature: Bergant, Simpson & Tijsseling (2006) for the fact; the number is tuned; data unknown.
+pub(crate) const MOST_REACHES_WITH_CAVITIES: usize = 128;
+
 /// Of the fits while the grid is refined. Tuned; data unknown.
 pub(crate) const GRID_REFINEMENT: Limits =
     Limits { iterations: 20, cost_tolerance: 1e-4, step_tolerance: 1e-8, thorough: true };
 /// Of the last fit; its tolerance of the cost follows from [`POLISH_REDUCTION`]. Tuned; data unknown.
-pub(crate) const FINAL: Limits =
-    Limits { iterations: usize::MAX, cost_tolerance: 1e-5, step_tolerance: 1e-9, thorough: true };
-/// Most iterations on each of the finer grids. Tuned; data unknown.
-pub(crate) const PATIENCE: usize = 40;
-/// The same of a brief fit. Cost, and tuned; data unknown.
-pub(crate) const BRIEF: usize = 6;
+pub(crate) const FINAL: Limits = Limits { iterations: 40, cost_tolerance: 1e-5, step_tolerance: 1e-9, thorough: true };
 /// Pull of the grid on a parameter, in its standard errors, that asks for a finer grid. Chosen.
 pub(crate) const MAX_GRID_PULL: f64 = 2.0;
 /// Fall of the sum of squares, in units of what one sample leaves, that is not worth another iteration. Derived: a

@@ -7,7 +7,7 @@ use crate::fit::problem::error::FitError;
 use crate::fit::problem::fit_problem::{FitProblem, Window};
 use crate::fit::problem::hum::without_hum;
 use crate::fit::search::calibrate::refine;
-use crate::fit::search::options::Options;
+use crate::fit::search::options::{Effort, Options};
 use crate::fit::validate::thresholds::FITTED_SHARE;
 use crate::model::{Model, ModelError};
 use crate::rig::Rig;
@@ -80,7 +80,7 @@ pub fn errors(problem: &FitProblem, r: usize, values: &[f64], after_s: f64) -> R
 pub fn held_out_m(rig: &Rig, runs: &[RunData], fit: &Fit, options: &Options) -> Result<f64, FitError> {
     let ends: Vec<f64> = runs.iter().map(end_of_first_part_s).collect();
     let first: Vec<RunData> = runs.iter().zip(&ends).map(|(run, &end)| until(run, end)).collect();
-    let options = Options { brief: true, prune: false, most_reaches: fit.reaches, ..options.clone() };
+    let options = Options { effort: Effort::Brief, most_reaches: fit.reaches, ..options.clone() };
     let fitted = refine(rig, &first, &fit.effects, &fit.values(), &options, &|_| {})?;
     let water = &runs.first().ok_or(FitError::NoRun)?.conditions.water;
     let model = Model::new(rig, water, &fit.effects).constrained(&options.constraints).informed(&options.priors);

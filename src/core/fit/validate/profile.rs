@@ -26,7 +26,7 @@ use crate::fit::progress::{OnProgress, Progress};
 use crate::fit::search::assemble::errors_of;
 use crate::fit::search::calibrator::Calibrator;
 use crate::fit::search::options::Options;
-use crate::fit::search::thresholds::{FINAL_REACHES, PATIENCE};
+use crate::fit::search::thresholds::{FINAL, FINAL_REACHES};
 use crate::fit::validate::profile::walk::{End, Start, walk};
 use crate::fit::validate::thresholds::PROFILE_COST_TOLERANCE;
 use crate::model::stop;
@@ -68,7 +68,7 @@ pub fn profiles(
     let gone: Vec<usize> = vanished(&own, &values).into_iter().flat_map(|e| [e.strength, e.time]).collect();
     own.hold(&gone, &values);
     let limits = |problem: &FitProblem| Limits {
-        iterations: PATIENCE,
+        iterations: FINAL.iterations,
         cost_tolerance: PROFILE_COST_TOLERANCE / problem.samples().max(1) as f64,
         step_tolerance: 1e-10,
         thorough: true,
