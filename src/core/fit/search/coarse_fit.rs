@@ -64,24 +64,6 @@ fn fitted_coarsely(
     if start.cost < found.cost { best_of(ctx, model, &[base, found.values]) } else { Ok(found) }
 }
 
-/// A coarse fit, and where that is poor, the model fitted on from each smaller model that it contains: a model that
-/// contains another never ends worse.
-pub(crate) fn or_from_smaller(ctx: &Calibrator, model: &Model, mut best: Estimate) -> Result<Estimate, FitError> {
-    for i in 0..model.effects.len() {
-        if !is_poor(ctx, model, &best) {
-            break;
-        }
-        let rest = model.effects.iter().enumerate().filter(|(k, _)| *k != i).map(|(_, effect)| effect.clone());
-        let smaller = ctx.model(&rest.collect::<Vec<_>>());
-        let state = or_from_smaller(ctx, &smaller, coarse_fit(ctx, &smaller, None)?)?;
-        let on = grow(ctx, model, &smaller, &state)?;
-        if on.cost < best.cost {
-            best = on;
-        }
-    }
-    Ok(best)
-}
-
 /// Fits of the first cycles from all that signals, effects and chance propose, the best first.
 fn locked(
     ctx: &Calibrator,
@@ -176,13 +158,6 @@ pub(crate) fn relocated(ctx: &Calibrator, model: &Model, values: &[f64]) -> Resu
     let screened = in_places(ctx, model, &scanned, &base, &[values], period_s)?;
     let found = released(ctx, model, screened, period_s)?.into_iter().take(FOLLOWED);
     best_of(ctx, model, &found.map(|s| s.values).chain([values.to_vec()]).collect::<Vec<_>>())
-}
-
-/// Fits a model on a coarse grid, starting only from the fit of a smaller one.
-pub(crate) fn grow(ctx: &Calibrator, model: &Model, smaller: &Model, state: &Estimate) -> Result<Estimate, FitError> {
-    let problem = FitProblem::new(model, ctx.runs, ctx.window(COARSE_REACHES, f64::INFINITY));
-    let base = problem.start_values();
-    best_of(ctx, model, &starts_from(model, smaller, state, &base))
 }
 
 /// Screens the starts that are not hopeless, then fits from the best.

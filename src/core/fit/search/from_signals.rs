@@ -15,12 +15,10 @@ use crate::fit::problem::method::Method;
 use crate::fit::problem::objective::Objective;
 use crate::fit::progress::OnProgress;
 use crate::fit::search::calibrator::{Calibrator, Estimate};
-use crate::fit::search::coarse_fit::{
-    coarse_fit, grow, is_poor, mean_square, or_from_smaller, relocated, residual_summary,
-};
+use crate::fit::search::coarse_fit::{coarse_fit, is_poor, mean_square, relocated, residual_summary};
 use crate::fit::search::finish::{finish, without_descent};
 use crate::fit::search::global::global_search;
-use crate::fit::search::options::{Effort, Options};
+use crate::fit::search::options::Options;
 use crate::fit::search::sensor_choice::with_sensors;
 use crate::fit::search::stepwise::{conclude, stepwise};
 use crate::fit::search::thresholds::{COARSE_REACHES, FOLLOWING, LOCKING_REACHES};
@@ -86,24 +84,11 @@ pub(crate) fn from_signals(
         let anew = search(bigger, None)?;
         Ok(if anew.cost < on.cost { anew } else { on })
     };
-    let whole = |begun: Estimate, on: &SearchOn| {
-        let first = (ctx.model(&chosen), begun);
-        let Some(i) = growing else { return Ok(first) };
-        grow_while_evident(&ctx, first, i, effects[i].elements, on)
-    };
     let begun = search(&first, None)?;
-    let (mut model, mut state) = whole(begun.clone(), &search_on)?;
-    // Whoever asks for a brief fit has the smaller models' fits.
-    if options.method == Method::LeastSquares && options.effort != Effort::Brief && is_poor(&ctx, &model, &state) {
-        let better = or_from_smaller(&ctx, &first, begun.clone())?;
-        if better.cost < begun.cost {
-            // What the signals say of bigger models has been tried.
-            let (other, there) = whole(better, &|bigger, model, state| grow(&ctx, bigger, model, state))?;
-            if there.cost < state.cost {
-                (model, state) = (other, there);
-            }
-        }
-    }
+    let (model, mut state) = match growing {
+        Some(i) => grow_while_evident(&ctx, (first, begun), i, effects[i].elements, &search_on)?,
+        None => (first, begun),
+    };
     let located = model.effects.iter().any(|c| c.effect.on_pipe());
     let doubtful = model.effects != chosen || is_poor(&ctx, &model, &state);
     if located && doubtful && options.method == Method::LeastSquares {
