@@ -18,7 +18,7 @@ use crate::fit::progress::Progress;
 use crate::fit::search::calibrate::Begin;
 use crate::fit::search::from_signals::{CoarseFit, fit_coarsely};
 use crate::fit::search::options::Effort;
-use crate::model::effects::{Chosen, SHOWN};
+use crate::model::effects::{Chosen, SHOWN, labels_of};
 
 impl Search<'_> {
     /// A brief fit from the signals; the fit chooses the elements of the effects that are `added`.
@@ -32,8 +32,7 @@ impl Search<'_> {
     fn coarse(&self, start: &[Chosen], added: &[Chosen]) -> Result<CoarseFit, FitError> {
         let open = added.iter().map(|c| Chosen { sensor: None, ..c.clone() });
         let effects: Vec<Chosen> = start.iter().cloned().chain(open).collect();
-        let labels: Vec<String> = effects.iter().map(Chosen::label).collect();
-        (self.fitter.progress)(&Progress::from("from the signals").within(&labels.join(" + ")));
+        (self.fitter.progress)(&Progress::from("from the signals").within(&labels_of(&effects)));
         fit_coarsely(self.fitter.rig, self.fitter.runs, &effects, self.fitter.options)
     }
 

@@ -98,6 +98,12 @@ pub fn name_of(effects: &[Chosen]) -> String {
     std::iter::once("base model".to_owned()).chain(effects.iter().map(Chosen::label)).collect::<Vec<_>>().join(" + ")
 }
 
+/// Labels of the `effects` that a model has beside the base model, for the progress of its fit.
+pub(crate) fn labels_of(effects: &[Chosen]) -> String {
+    let labels = effects.iter().map(Chosen::label).collect::<Vec<_>>().join(" + ");
+    if labels.is_empty() { "base model".to_owned() } else { labels }
+}
+
 /// Whether two effects can be combined.
 ///
 /// # Errors

@@ -28,7 +28,7 @@ use crate::fit::search::thresholds::{
     SCREENING, SMALLER_ABOVE,
 };
 use crate::model::Model;
-use crate::model::effects::{Chosen, boils};
+use crate::model::effects::{Chosen, boils, labels_of};
 use crate::rig::Rig;
 
 /// A whole fit of the base model with `effects` to all `runs` at once, from the signals.
@@ -127,8 +127,7 @@ impl<'a> Fitter<'a> {
         let is_compared = effort != Effort::Whole;
         let most = if is_compared && boils(effects) { with_cavities } else { usize::MAX };
         let options = Options { most_reaches: self.options.most_reaches.min(most), effort, ..self.options.clone() };
-        let labels: Vec<String> = effects.iter().map(Chosen::label).collect();
-        let labels = if labels.is_empty() { "base model".to_owned() } else { labels.join(" + ") };
+        let labels = labels_of(effects);
         let named = |p: &Progress| (self.progress)(&p.within(&labels));
         fitted(&self.with(&options, if is_compared { &named } else { self.progress }))
     }
@@ -148,14 +147,14 @@ impl<'a> Fitter<'a> {
 
     /// A fit past the elements of creep that keep it from its optimum; none where it is there, or does not get there.
     pub(crate) fn pruned(&self, fit: &Fit) -> Option<Fit> {
+        if fit.converged {
+            return None;
+        }
         let options = Options { effort: Effort::Whole, ..self.options.clone() };
-        let on = || {
-            let values = fit.values();
-            let ctx =
-                Calibrator::new(self.rig, self.runs, &options, self.progress, &fit.effects, Some(&values)).ok()?;
-            descend(&ctx, &ctx.model(&fit.effects), values, fit.reaches).ok()
-        };
-        if fit.converged { None } else { on().filter(|pruned| pruned.converged) }
+        let values = fit.values();
+        let ctx = Calibrator::new(self.rig, self.runs, &options, self.progress, &fit.effects, Some(&values)).ok()?;
+        let pruned = descend(&ctx, &ctx.model(&fit.effects), values, fit.reaches).ok()?;
+        pruned.converged.then_some(pruned)
     }
 
     /// The fit with as many more elements of its effect `i`, up to `most`, as the evidence supports.

@@ -13,7 +13,7 @@ use crate::fit::search::thresholds::{
     COARSE, COARSE_REACHES, EVALUATE_ONLY, FOLLOWED, HOPELESS_START_RATIO, LOCKING, LOCKING_PERIODS, LOCKING_REACHES,
     LOOKED_AGAIN, MAX_RELEASED, POOR_FIT_COST, SCREENING,
 };
-use crate::model::effects::Chosen;
+use crate::model::effects::labels_of;
 use crate::model::{Model, ModelError};
 
 /// Ends of descents, the best first, and of those that have met the best alone.
@@ -223,9 +223,7 @@ fn attempt(
         problem = problem.with_coarse_slopes(ctx.least_reaches);
     }
     problem.hold(held, values);
-    let label = model.effects.iter().map(Chosen::label).collect::<Vec<_>>().join(" + ");
-    let label = if label.is_empty() { "base model" } else { &label };
-    ctx.estimate(&problem, values, limits, label)
+    ctx.estimate(&problem, values, limits, &labels_of(&model.effects))
 }
 
 /// Mean square of the residuals of a coarse fit, priors included, in units of the noise's.

@@ -26,13 +26,8 @@ use crate::model::effects::Chosen;
 use crate::model::{Model, check_places};
 use crate::rig::Rig;
 
-/// Fits the base model with `effects` to all `runs` at once.
-///
-/// Where an effect has elements and their number is open, they are added one by one while the evidence supports it.
-/// Where an effect concerns a pressure sensor and none is named, it takes the sensor at which a coarse fit is best.
-///
-/// # Errors
-/// No run, a run without samples after its closure, a model that cannot be simulated at its start.
+/// A fit of the base model with `effects`, which no smaller model helps: elements, sensors and errors are as
+/// `calibrate` says.
 pub(crate) fn from_signals(
     rig: &Rig,
     runs: &[RunData],
@@ -86,7 +81,7 @@ pub(crate) fn from_signals(
     };
     let begun = search(&first, None)?;
     let (model, mut state) = match growing {
-        Some(i) => grow_while_evident(&ctx, (first, begun), i, effects[i].elements, &search_on)?,
+        Some(i) => grow_while_evident(&ctx, (first, begun), i, effects[i].elements, search_on)?,
         None => (first, begun),
     };
     let located = model.effects.iter().any(|c| c.effect.on_pipe());
@@ -127,7 +122,7 @@ impl CoarseFit {
 /// Fits a model coarsely from the signals alone: to some of the samples, on a coarse grid.
 ///
 /// # Errors
-/// As [`from_signals`]; the number of elements must be given.
+/// As `calibrate`; the number of elements must be given.
 pub fn fit_coarsely(rig: &Rig, runs: &[RunData], effects: &[Chosen], options: &Options) -> Result<CoarseFit, FitError> {
     let ctx = Calibrator::new(rig, runs, options, &|_| {}, effects, None)?;
     let effects = place_at_sensors(&ctx, effects)?;
@@ -139,7 +134,7 @@ pub fn fit_coarsely(rig: &Rig, runs: &[RunData], effects: &[Chosen], options: &O
 /// samples: what an eye that follows a slider needs. While it is `dragged` the grid is as coarse as where phases lock.
 ///
 /// # Errors
-/// As [`from_signals`].
+/// As `calibrate`.
 pub fn follow(
     rig: &Rig,
     runs: &[RunData],
@@ -193,16 +188,14 @@ fn place_at_sensors(ctx: &Calibrator, effects: &[Chosen]) -> Result<Vec<Chosen>,
     with_sensors(ctx.rig, effects, |trial| Ok(coarse_fit(ctx, &ctx.model(trial), None)?.cost))
 }
 
-/// A bigger model, fitted on from a smaller one where that stands.
-type SearchOn<'f> = dyn Fn(&Model, &Model, &Estimate) -> Result<Estimate, FitError> + 'f;
-
-/// A fitted model with more elements of its effect `i`: as many as `asked` for, or as many as the evidence supports.
+/// A fitted model with more elements of its effect `i`: as many as `asked` for, or as many as the evidence supports. A
+/// bigger model is `fitted` on from a smaller one where that stands.
 fn grow_while_evident<'a>(
     ctx: &Calibrator<'a>,
     (mut model, mut state): (Model<'a>, Estimate),
     i: usize,
     asked: Option<usize>,
-    fitted: &SearchOn,
+    fitted: impl Fn(&Model, &Model, &Estimate) -> Result<Estimate, FitError>,
 ) -> Result<(Model<'a>, Estimate), FitError> {
     let range = model.effects[i].effect.elements();
     let most = asked.or(range.map(|r| *r.end())).unwrap_or(1);

@@ -32,6 +32,7 @@ pub(crate) mod valve_seat_leak;
 pub(crate) mod vapour_cavity;
 pub(crate) mod viscoelastic_wall;
 
+pub(crate) use crate::model::chosen::labels_of;
 pub use crate::model::chosen::{Chosen, boils, excluded, name_of};
 pub use crate::model::effect::{Attachment, Circumstances, Effect, Element, Place, SHOWN, check};
 use crate::model::error::ModelError;
