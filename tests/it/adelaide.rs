@@ -70,7 +70,7 @@ fn a_fit_of_the_severe_test_follows_it() {
 
 /// From the elastic model, with the same values held, the diagnosis leaves them as they are and names gas or cavities.
 #[test]
-#[ignore = "takes 20 s; CI runs it"]
+#[ignore = "takes 20 s; CI runs it at night"]
 fn the_elastic_model_lacks_gas_or_cavities() {
     let head_m = valve_head_m(&rig(), 1.4, SUPPLY_M, 1.0);
     let known = [

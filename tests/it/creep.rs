@@ -63,14 +63,14 @@ fn curves_are_recovered(name: &str, time_s: &[f64], from_s: f64) {
 }
 
 #[test]
-#[ignore = "takes 12 s; CI runs it"]
+#[ignore = "takes 12 s; CI runs it at night"]
 fn an_hour_at_log_spaced_times_gives_the_curve_and_its_band() {
     curves_are_recovered("log-spaced", &log_times(), 1.0);
 }
 
 /// A sample a second: the first ten have but ten samples, too few for 1% whatever the method; the band holds there too.
 #[test]
-#[ignore = "takes 24 s; CI runs it"]
+#[ignore = "takes 24 s; CI runs it at night"]
 fn an_hour_at_a_sample_a_second_gives_the_curve_and_its_band() {
     let seconds: Vec<f64> = (1..=3600).map(f64::from).collect();
     curves_are_recovered("1 Hz", &seconds, 10.0);
@@ -130,7 +130,7 @@ fn at_temperatures(seed: u64) -> Vec<CreepTest> {
 }
 
 #[test]
-#[ignore = "takes 17 s; CI runs it"]
+#[ignore = "takes 17 s; CI runs it at night"]
 fn three_temperatures_give_their_shifts_and_the_activation_energy() {
     let (mut worst, mut energies, mut three) = (0.0f64, 0, 0);
     for seed in 0..10 {

@@ -81,7 +81,7 @@ fn elements_that_the_wall_lacks_are_missing_like_an_effect() {
 
 /// The leak lies at 57.43 m.
 #[test]
-#[ignore = "takes 36 s; CI runs it"]
+#[ignore = "takes 36 s; CI runs it at night"]
 fn a_leak_is_found_where_it_is() {
     let answer = &diagnosis(&[LEAK, "--effects", "unsteady-friction"]).answer;
     assert_eq!(best(answer)["effect"], "leak");
@@ -116,7 +116,7 @@ fn where_nothing_is_missing_nothing_is_found() {
 }
 
 #[test]
-#[ignore = "takes 39 s; CI runs it"]
+#[ignore = "takes 39 s; CI runs it at night"]
 fn the_same_question_has_the_same_answer_to_the_last_digit() {
     let question = [LEAK, "--effects", "unsteady-friction"];
     assert_eq!(diagnosis(&question).answer.to_string(), diagnose(&question).to_string());
@@ -124,7 +124,7 @@ fn the_same_question_has_the_same_answer_to_the_last_digit() {
 
 /// What is asked to go on until nothing is missing stops by itself, and shows the errors on the way.
 #[test]
-#[ignore = "takes 17 s; CI runs it"]
+#[ignore = "takes 17 s; CI runs it at night"]
 fn effects_are_added_until_nothing_is_missing() {
     let text = printed(run(&["diagnose", CREEP, "--until-done"]));
     assert!(text.contains("Refitted to the first three fifths"), "{text}");
@@ -136,7 +136,7 @@ fn effects_are_added_until_nothing_is_missing() {
 
 /// An effect that was added first and stood in for another gives way to it.
 #[test]
-#[ignore = "takes 20 s; CI runs it"]
+#[ignore = "takes 20 s; CI runs it at night"]
 fn an_effect_that_stood_in_for_another_is_exchanged() {
     let study = Study::open([LEAK]).unwrap();
     let [start, wrong] = ["unsteady-friction", "unsteady-friction,side-branch"].map(|list| parse_list(list).unwrap());
@@ -162,7 +162,7 @@ fn bad_questions_are_refused_with_what_to_do() {
 
 /// Copper does not creep: the effect is not tried, and a start model that has it is doubted.
 #[test]
-#[ignore = "takes 48 s; CI runs it"]
+#[ignore = "takes 48 s; CI runs it at night"]
 fn what_a_rig_cannot_have_is_not_tried_and_is_doubted() {
     let answer = diagnose(&[LEAK, "--effects", "viscoelastic-wall:1"]);
     let warnings = answer["warnings"].to_string();
@@ -180,7 +180,7 @@ fn what_a_rig_cannot_have_is_not_tried_and_is_doubted() {
 /// A sensor's gain is arithmetic, so its recordings can be made without any solver: much is found, less than the
 /// program calls visible is not.
 #[test]
-#[ignore = "takes 23 s; CI runs it"]
+#[ignore = "takes 23 s; CI runs it at night"]
 fn the_least_visible_gain_is_where_it_says() {
     let nothing = &diagnosis(&[NOTHING, "--effects", "viscoelastic-wall"]).answer;
     let seen = nothing["least_visible"].as_array().unwrap();

@@ -77,7 +77,7 @@ fn errors(page: &str) -> Vec<Vec<f64>> {
 }
 
 #[test]
-#[ignore = "takes 17 s; CI runs it"]
+#[ignore = "takes 17 s; CI runs it at night"]
 fn creep_to_its_end_is_a_staircase_down_to_the_noise() {
     let Made { answer, file: page } = diagnosis(&[CREEP, "--until-done"]);
     assert_eq!(answer["verdict"], "nothing-missing", "the last diagnosis");
@@ -133,7 +133,7 @@ fn creep_to_its_end_is_a_staircase_down_to_the_noise() {
 
 /// The leak lies at 57.43 m.
 #[test]
-#[ignore = "takes 20 s; CI runs it"]
+#[ignore = "takes 20 s; CI runs it at night"]
 fn a_leak_stands_first_with_its_place_and_its_signature() {
     let Made { answer, file: page } = diagnosis(&[LEAK, "--effects", "unsteady-friction"]);
     ranking_is_of(page, answer);

@@ -92,7 +92,7 @@ fn assert_known(document: &Value, name: &str, truth: f64) {
 }
 
 #[test]
-#[ignore = "takes 11 s; CI runs it"]
+#[ignore = "takes 11 s; CI runs it at night"]
 fn the_laws_that_made_four_runs_are_recovered_within_their_intervals() {
     let folder = tempfile::tempdir().unwrap();
     let rig = lab_rig("ppr");
@@ -163,7 +163,7 @@ fn the_laws_that_made_four_runs_are_recovered_within_their_intervals() {
 }
 
 #[test]
-#[ignore = "takes 16 s; CI runs it"]
+#[ignore = "takes 16 s; CI runs it at night"]
 fn a_family_that_breaks_the_law_is_flagged_and_a_freer_law_describes_it() {
     let folder = tempfile::tempdir().unwrap();
     let rig = lab_rig("ppr");
@@ -196,7 +196,7 @@ fn a_family_that_breaks_the_law_is_flagged_and_a_freer_law_describes_it() {
 
 /// Runs that are no family: exit 2, and a sentence that says what to do.
 #[test]
-#[ignore = "takes 12 s; CI runs it"]
+#[ignore = "takes 12 s; CI runs it at night"]
 fn what_is_no_family_is_refused_with_the_reason() {
     let folder = tempfile::tempdir().unwrap();
     let rig = lab_rig("ppr");

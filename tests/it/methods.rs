@@ -40,7 +40,7 @@ fn starts_in_traps_are_left_again() {
 
 /// Without any descent. What is left is what the coarse grid of the search errs by.
 #[test]
-#[ignore = "takes 28 s; CI runs it"]
+#[ignore = "takes 28 s; CI runs it at night"]
 fn a_global_search_leaves_the_same_traps() {
     for start in ["wave_speed_m_s=171", "wave_speed_m_s=513"] {
         let fit = calibrated(&["--method", "global", "--start", start]);
@@ -62,7 +62,7 @@ fn a_global_search_with_descent_after_it_ends_at_the_noise() {
 
 /// Without descent a search comes near, keeps its budget, and gives the same with the same seed.
 #[test]
-#[ignore = "takes 8 s; CI runs it"]
+#[ignore = "takes 8 s; CI runs it at night"]
 fn searches_without_descent_keep_their_budget_and_repeat_themselves() {
     for method in ["global", "micro-ga"] {
         let search = |seed: &str| calibrated(&["--method", method, "--budget", "1500", "--seed", seed]);

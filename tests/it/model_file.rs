@@ -57,7 +57,7 @@ fn an_effect_is_added_and_taken_back_and_nothing_is_lost() {
 }
 
 #[test]
-#[ignore = "takes 11 s; CI runs it"]
+#[ignore = "takes 11 s; CI runs it at night"]
 fn what_a_person_holds_stays_held_through_refit_and_growth() {
     let folder = tempfile::tempdir().unwrap();
     let file = calibrated(folder.path());
@@ -81,7 +81,7 @@ fn what_a_person_holds_stays_held_through_refit_and_growth() {
 
 /// `diagnose --apply` makes the file, grows it by what is missing, and goes on from there the next time.
 #[test]
-#[ignore = "takes 30 s; CI runs it"]
+#[ignore = "takes 30 s; CI runs it at night"]
 fn a_diagnosis_grows_the_file() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("models.toml");
@@ -147,7 +147,7 @@ fn impossible_bounds_are_refused() {
 /// A link stays a link, and what may not be written to is not.
 #[cfg(unix)]
 #[test]
-#[ignore = "takes 14 s; CI runs it"]
+#[ignore = "takes 14 s; CI runs it at night"]
 fn links_and_permissions_are_respected() {
     let folder = tempfile::tempdir().unwrap();
     let file = calibrated(folder.path());

@@ -31,7 +31,7 @@ fn the_test_that_narrows_a_parameter_comes_first_and_is_written() {
 }
 
 #[test]
-#[ignore = "takes half a minute; CI runs it"]
+#[ignore = "takes half a minute; CI runs it at night"]
 fn two_answers_are_set_against_each_other_and_drawn() {
     let folder = TempDir::new().unwrap();
     let (model, page) = (model(&folder), folder.path().join("next.html"));

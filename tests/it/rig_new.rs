@@ -377,7 +377,7 @@ fn a_column_in_volts_is_asked_for_its_ranges() {
 
 /// A pipe that is a quarter shorter than its file says: no effect is named for it.
 #[test]
-#[ignore = "takes 15 s; CI runs it"]
+#[ignore = "takes 15 s; CI runs it at night"]
 fn a_wave_faster_than_the_rig_allows_is_no_effect() {
     let folder = tempfile::tempdir().unwrap();
     let table = crate::common::here("recordings/logger.csv");

@@ -264,7 +264,7 @@ fn at_vanishing_strength_each_effect_leaves_the_base_model() {
 /// Heads are compared at the coarsest grid's steps, which all grids have: between steps a corner of a valve's law costs
 /// the interpolation an order. Asserted is nine tenths of the order that theory gives, over both halvings together.
 #[test]
-#[ignore = "takes 17 s; CI runs it"]
+#[ignore = "takes 17 s; CI runs it at night"]
 fn under_refinement_each_effect_converges_at_the_order_of_theory() {
     const REACHES: [usize; 3] = [64, 128, 256];
     const FINEST: usize = 2048;

@@ -210,7 +210,7 @@ fn refinement_converges_at_the_order_of_theory() {
 /// The gate of every friction model: the first rise is Joukowsky's plus packing at every grid, and grids agree ever
 /// better.
 #[test]
-#[ignore = "takes 22 s; CI runs it"]
+#[ignore = "takes 22 s; CI runs it at night"]
 fn the_first_rise_is_joukowskys_at_every_grid() {
     let joukowsky = 1000.0 * 1.0 / 9.81;
     let factor = surgescope_core::rig::darcy_friction_factor(5e5, 0.0);

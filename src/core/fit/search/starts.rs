@@ -158,7 +158,7 @@ unit = "kPa"
 
     /// Effects that may be anywhere are found where they are, near either end and in between.
     #[test]
-    #[ignore = "takes 14 s; CI runs it"]
+    #[ignore = "takes 14 s; CI runs it at night"]
     fn a_place_is_found_wherever_it_is() {
         let rig = Rig::from_toml(RIG, "rig.toml").unwrap();
         let cases: [(&str, &[&[f64]]); 4] = [

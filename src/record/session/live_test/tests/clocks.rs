@@ -86,7 +86,7 @@ fn run(device: Device, duration_s: Option<f64>, dice: &mut fastrand::Rng) -> (Su
 }
 
 #[test]
-#[ignore = "takes 15 s; CI runs it"]
+#[ignore = "takes 15 s; CI runs it at night"]
 fn whatever_happens_to_a_clock_no_sample_is_lost_or_out_of_place() {
     let dice = &mut fastrand::Rng::with_seed(11);
     for (rows, jitter_us) in [(10, 0), (10, 300), (10, 900), (10, 9000), (100, 0), (100, 6000)] {
