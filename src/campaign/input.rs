@@ -26,6 +26,9 @@ impl Checked {
     /// # Errors
     /// Why it is not, as a reason of a task that failed.
     pub fn path(&mut self, folder: &Path, input: &Input) -> Result<PathBuf, String> {
+        for effect in &input.effects {
+            self.path(folder, effect)?;
+        }
         let path = folder.join(&input.path);
         let about = match path.metadata() {
             Ok(about) => stamp(&about),
@@ -59,7 +62,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a");
         std::fs::write(&path, "abc").unwrap();
-        let input = Input { name: "runs/a".into(), path: "a".into(), sha256: checksum(&path).unwrap() };
+        let input =
+            Input { name: "runs/a".into(), path: "a".into(), sha256: checksum(&path).unwrap(), effects: Vec::new() };
         let mut checked = Checked::default();
         assert_eq!(checked.path(folder.path(), &input).unwrap(), path);
         std::fs::write(&path, "abcd").unwrap();

@@ -58,10 +58,12 @@ impl Performer {
     }
 
     fn attempt(&mut self, folder: &Path, task: &Task) -> Result<Value, AnyError> {
-        let effects = parse_list(&task.list_of_effects())?;
+        // an effect of one's own is known once its rig is read
+        let effects = || parse_list(&task.list_of_effects());
         match &task.work {
             Work::Calibrate { method, seed, budget, misfit, fit } => {
                 let study = self.study(folder, task, &fit.ignore)?;
+                let effects = effects()?;
                 let method = METHODS.into_iter().find(|m| m.name() == method).ok_or("there is no such method")?;
                 let objective = if misfit == "frequency" { Objective::Frequency } else { Objective::Time };
                 let options = Options { method, budget: *budget, objective, ..options(fit, *seed) };
@@ -72,6 +74,7 @@ impl Performer {
             }
             Work::Diagnose { seed, fit } | Work::Reliability { seed, fit, .. } => {
                 let study = self.study(folder, task, &fit.ignore)?;
+                let effects = effects()?;
                 let mut options = options(fit, *seed);
                 let held = hold::constraints(study.rig(), study.runs(), std::slice::from_ref(&effects), &holds(fit));
                 options.constraints = held.into_iter().flatten().collect();
@@ -80,8 +83,14 @@ impl Performer {
                     study.recordings().iter().flat_map(|loaded| loaded.faults.iter().cloned()).collect();
                 Ok(diagnosis::value(&[found], &faults)?)
             }
-            Work::Simulate { set } => simulated(self.rig(folder, task)?, &effects, set),
-            Work::Sensitivity { .. } => designed(self.rig(folder, task)?, &effects, &task.work),
+            Work::Simulate { set } => {
+                let rig = self.rig(folder, task)?;
+                simulated(rig, &effects()?, set)
+            }
+            Work::Sensitivity { .. } => {
+                let rig = self.rig(folder, task)?;
+                designed(rig, &effects()?, &task.work)
+            }
         }
     }
 

@@ -16,10 +16,11 @@ use crate::campaign::plan_file::{Count, Kind, PlanFile, Source, Values, methods_
 use crate::campaign::task::{FitOptions, Input, Task, Work};
 use crate::fit::problem::method::Method;
 use crate::model::effects::{CATALOGUE, Chosen};
-use crate::rig::Rig;
+use crate::rig::{Rig, own_effects};
 use crate::shown::Shown as _;
 use crate::storage::nearest::nearest;
 use crate::storage::output;
+use crate::storage::read::read_own_effects;
 
 /// What a plan has become.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -95,10 +96,12 @@ fn lay_out(
     for input in copied.into_iter().flat_map(HashMap::values) {
         let mut copy = input.clone();
         place_copy(&mut copy);
-        let to = root.join(&copy.path);
-        let parent = to.parent().unwrap_or(root);
-        fs::create_dir_all(parent).map_err(CampaignError::unwritten(parent))?;
-        fs::copy(&input.path, &to).map_err(CampaignError::unwritten(&to))?;
+        let files = [(input, &copy)].into_iter().chain(input.effects.iter().zip(&copy.effects));
+        for (from, to) in files.map(|(from, to)| (&from.path, root.join(&to.path))) {
+            let parent = to.parent().unwrap_or(root);
+            fs::create_dir_all(parent).map_err(CampaignError::unwritten(parent))?;
+            fs::copy(from, &to).map_err(CampaignError::unwritten(&to))?;
+        }
     }
     let write = |path: &Path, text: &str| {
         output::write_with(path, |out| out.write_all(text.as_bytes())).map_err(CampaignError::not_whole(path))
@@ -108,10 +111,15 @@ fn lay_out(
     write(&folder.tasks_file(), tasks)
 }
 
-/// Where the copy of an input is: under its checksum, with its own name, by which results call it.
+/// Where the copies of an input and of the effects beside it are: under its checksum, with its own name, by which
+/// results call it.
 fn place_copy(input: &mut Input) {
-    let name = input.path.file_name().unwrap_or_default().to_owned();
-    input.path = Path::new("inputs").join(&input.sha256[..16]).join(name);
+    let folder = Path::new("inputs").join(&input.identity()[..16]);
+    let placed = |path: &Path, folder: &Path| folder.join(path.file_name().unwrap_or_default());
+    input.path = placed(&input.path, &folder);
+    for effect in &mut input.effects {
+        effect.path = placed(&effect.path, &folder.join(own_effects::FOLDER));
+    }
 }
 
 struct Planner<'a> {
@@ -196,7 +204,9 @@ impl Planner<'_> {
 
     fn groups(&mut self, kind: Kind) -> Result<Vec<Group>> {
         let (plan, source) = (self.plan, self.source);
-        let models = source.models(&plan.effects)?;
+        let recordings = plan.recordings.iter().chain(plan.case.iter().flat_map(|case| &case.get_ref().recordings));
+        recordings.map(|pattern| self.matched(pattern, true)).collect::<Result<Vec<_>>>()?;
+        let models = self.models(&plan.effects)?;
         let truth = plan.truth.as_ref().map(|t| self.truth(t)).transpose()?;
         let mut groups = Vec::new();
         for pattern in &plan.recordings {
@@ -214,7 +224,7 @@ impl Planner<'_> {
             let Some(first) = recordings.first() else {
                 return Err(source.fault(written.span(), "a case needs recordings"));
             };
-            let own = source.models(&case.effects)?;
+            let own = self.models(&case.effects)?;
             groups.push(Group {
                 name: case.name.clone().unwrap_or_else(|| first.name.clone()),
                 models: if own.is_empty() { models.clone() } else { own },
@@ -238,6 +248,17 @@ impl Planner<'_> {
             )));
         }
         Ok(groups)
+    }
+
+    /// Models with effects of the catalogue, or of the inputs' own.
+    fn models(&self, lists: &[Spanned<Vec<String>>]) -> Result<Vec<Vec<Chosen>>> {
+        if let Ok(models) = self.source.models(lists) {
+            return Ok(models);
+        }
+        for path in self.inputs.keys() {
+            read_own_effects(path).map_err(|e| self.source.lacks(sentence(&e)))?;
+        }
+        self.source.models(lists)
     }
 
     /// An effect of the catalogue, `nothing`, or `unknown` for one that is not in it.
@@ -285,7 +306,7 @@ impl Planner<'_> {
         if rigs.is_empty() {
             return Err(source.lacks("no rigs: write rigs = [\"rigs/*.toml\"]"));
         }
-        let mut models = source.models(&plan.effects)?;
+        let mut models = self.models(&plan.effects)?;
         if models.is_empty() {
             models.push(Vec::new());
         }
@@ -458,14 +479,23 @@ impl Planner<'_> {
                 return Err(fault(format!("{} {what}", path.shown())));
             }
         }
+        let mut input = self.hashed(path).map_err(fault)?;
+        let folder = input.path.parent().unwrap_or(Path::new("/"));
+        let files = own_effects::files_beside(folder).map_err(|e| fault(sentence(&e)))?;
+        input.effects = files.iter().map(|file| self.hashed(file).map_err(fault)).collect::<Result<_>>()?;
+        self.inputs.insert(path.to_owned(), input.clone());
+        Ok(input)
+    }
+
+    /// A file as it is now, or what is wrong with it.
+    fn hashed(&self, path: &Path) -> std::result::Result<Input, String> {
+        let unread = |e: std::io::Error| format!("{} cannot be read: {e}", path.shown());
         let sha256 = checksum(path).map_err(unread)?;
         let name = path.strip_prefix(self.base).unwrap_or(path).to_str();
         let absolute = path.canonicalize().map_err(unread)?;
         let (Some(name), Some(_)) = (name, absolute.to_str()) else {
-            return Err(fault(format!("{}: the name is no text in UTF-8; rename the file", path.shown())));
+            return Err(format!("{}: the name is no text in UTF-8; rename the file", path.shown()));
         };
-        let input = Input { name: name.to_owned(), path: absolute, sha256 };
-        self.inputs.insert(path.to_owned(), input.clone());
-        Ok(input)
+        Ok(Input { name: name.to_owned(), path: absolute, sha256, effects: Vec::new() })
     }
 }

@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use crate::campaign::checksum::hexadecimal;
+use crate::rig::own_effects::stem;
 
 /// A line of `tasks.jsonl`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -37,6 +38,20 @@ pub struct Input {
     pub path: PathBuf,
     /// SHA-256 of its content.
     pub sha256: String,
+    /// The effects of one's own in the folder `effects` beside it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub effects: Vec<Input>,
+}
+
+impl Input {
+    /// What it decides of a result: its checksum, or that of all checksums where there are effects beside it.
+    pub fn identity(&self) -> String {
+        let beside = self.effects.iter().map(|effect| format!("{} {}\n", stem(&effect.path), effect.sha256));
+        match self.effects.is_empty() {
+            true => self.sha256.clone(),
+            false => hexadecimal(std::iter::once(self.sha256.clone()).chain(beside).collect::<String>().as_bytes()),
+        }
+    }
 }
 
 /// What is done, with everything that its result depends on.
@@ -161,9 +176,8 @@ impl Task {
         effects: Vec<String>,
         work: Work,
     ) -> serde_json::Result<Task> {
-        let checksums: Vec<&str> = recordings.iter().map(|input| input.sha256.as_str()).collect();
-        let content =
-            serde_json::to_vec(&(&effects, &work, checksums, rig.as_ref().map(|input| input.sha256.as_str())))?;
+        let checksums: Vec<String> = recordings.iter().map(Input::identity).collect();
+        let content = serde_json::to_vec(&(&effects, &work, checksums, rig.as_ref().map(Input::identity)))?;
         let task = hexadecimal(&content)[..16].to_owned();
         Ok(Task { task, case, recordings, rig, effects, work })
     }
@@ -199,7 +213,7 @@ mod tests {
     use super::*;
 
     fn task(name: &str, sha256: &str, seed: u64) -> Task {
-        let input = Input { name: name.into(), path: name.into(), sha256: sha256.into() };
+        let input = Input { name: name.into(), path: name.into(), sha256: sha256.into(), effects: Vec::new() };
         let fit = FitOptions { random_starts: 1, most_reaches: 64, hold: BTreeMap::new(), ignore: Vec::new() };
         let work = Work::Diagnose { seed: Some(seed), fit };
         Task::new("a".into(), vec![input], None, vec!["leak".into()], work).unwrap()

@@ -16,9 +16,9 @@ use crate::cli::console::outcome::{CommandResult, FAILED};
 use crate::cli::console::print::tell;
 use crate::cli::console::refusal::in_words;
 use crate::cli::console::stop::{STOP, outlive_file_limits};
-use crate::rig::own_effects::beside;
-use crate::rig::{Rig, RigError};
+use crate::rig::RigError;
 use crate::shown::{Shown as _, controls};
+use crate::storage::read::read_own_effects;
 
 /// Record, model and calibrate water-hammer tests, and find the physics a model lacks.
 #[derive(Debug, Parser)]
@@ -94,18 +94,7 @@ fn read_rigs(arguments: &[OsString]) -> Result<(), RigError> {
     for argument in arguments.iter().skip(1) {
         let text = argument.to_string_lossy();
         let path = Path::new(text.split_once('=').map_or(&*text, |(_, value)| value));
-        let read = match path.extension().and_then(|e| e.to_str()) {
-            Some("toml") => Rig::load(path).map(drop),
-            Some("mcap") => {
-                drop(crate::storage::read(path));
-                beside(path.parent().unwrap_or(Path::new(""))).map(drop)
-            }
-            _ if path.is_dir() => beside(path).map(drop),
-            _ => Ok(()),
-        };
-        if let Err(faulty @ RigError::Effect { .. }) = read {
-            return Err(faulty);
-        }
+        read_own_effects(path)?;
     }
     Ok(())
 }

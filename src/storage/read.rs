@@ -12,6 +12,7 @@ use mcap::{MAGIC, McapError, McapResult};
 
 use crate::recording::Recording;
 use crate::rig::own_effects::beside;
+use crate::rig::{Rig, RigError};
 use crate::storage::assemble::Assembler;
 use crate::storage::disk;
 use crate::storage::error::LogError;
@@ -40,6 +41,27 @@ pub fn read(path: &Path) -> Result<Recording, LogError> {
     let effects = beside(path.parent().unwrap_or(Path::new("")));
     recording.rig.own_effects.extend(effects.map_err(|e| LogError::Rig { path: path.into(), source: Box::new(e) })?);
     Ok(recording)
+}
+
+/// Makes known the own effects of a rig file, a recording or a folder, so that a command or a plan may name them.
+/// Another file has none. What else is wrong with a file is reported when it is read for its own sake.
+///
+/// # Errors
+/// The file of an effect that cannot be read.
+pub fn read_own_effects(path: &Path) -> Result<(), RigError> {
+    let found = match path.extension().and_then(|e| e.to_str()) {
+        Some("toml") => Rig::load(path).map(drop),
+        Some("mcap") => {
+            drop(read(path));
+            beside(path.parent().unwrap_or(Path::new(""))).map(drop)
+        }
+        _ if path.is_dir() => beside(path).map(drop),
+        _ => Ok(()),
+    };
+    match found {
+        Err(faulty @ RigError::Effect { .. }) => Err(faulty),
+        _ => Ok(()),
+    }
 }
 
 /// [`read`] of the bytes of a file.

@@ -331,3 +331,35 @@ fn jobs_of_engines_run_the_shards() {
     assert!(Command::new("sh").arg(job).env("HQ_TASK_ID", "2").status().unwrap().success());
     assert_eq!(counts(&status(&folder).1)[0], 2);
 }
+
+/// A task with an effect that its rig has of its own is planned, copied and run like any other; where the effect
+/// changes, the task is another one.
+#[test]
+fn the_effects_of_a_rigs_own_go_with_it() {
+    const PLAN: &str =
+        "kind = \"simulate\"\nrigs = [\"rig.toml\"]\neffects = [[\"relief-valve\"]]\n[set]\nset_head_m = 36.0\n";
+    let study = Study::new(PLAN, &[]);
+    let effect = study.file("effects/relief-valve.toml");
+    fs::copy(here("rigs/demo-hdpe.toml"), study.file("rig.toml")).unwrap();
+    fs::create_dir(study.file("effects")).unwrap();
+    run(&["effects", "new", "relief-valve", "-o", text(&effect)]);
+    let tasks = |folder: &Path| fs::read_to_string(folder.join("tasks.jsonl")).unwrap();
+
+    let copy = study.file("copy");
+    done(&["campaign", "plan", text(&study.file("plan.toml")), "-o", text(&copy), "--copy"]);
+    let (there, _) = study.planned("there");
+    fs::write(&effect, format!("# written again\n{}", fs::read_to_string(&effect).unwrap())).unwrap();
+    let (again, _) = study.planned("again");
+    let name = |folder: &Path| serde_json::from_str::<Value>(&tasks(folder)).unwrap()["task"].clone();
+    assert_eq!(name(&copy), name(&there));
+    assert_ne!(name(&again), name(&there), "another effect is another task");
+
+    assert_eq!(ran(&there, &[])["failed"], 1);
+    let said = status(&there).1;
+    assert!(said["failures"][0]["reason"].as_str().unwrap().contains("relief-valve.toml changed"), "{said}");
+    fs::remove_dir_all(study.file("effects")).unwrap();
+    let moved = tempfile::tempdir().unwrap();
+    fs::rename(&copy, moved.path().join("copy")).unwrap();
+    let ran = ran(&moved.path().join("copy"), &[]);
+    assert_eq!((&ran["done"], &ran["failed"]), (&Value::from(1), &Value::from(0)), "{ran}");
+}

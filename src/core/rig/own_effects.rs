@@ -5,7 +5,7 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use crate::rig::error::RigError;
@@ -49,17 +49,26 @@ pub(crate) fn remember(effects: &OwnEffects) {
 /// # Errors
 /// A file that cannot be read or is too long.
 pub fn beside(folder: &Path) -> Result<OwnEffects, RigError> {
+    let paths = files_beside(folder)?.into_iter();
+    let effects = paths.map(|path| Ok((stem(&path), text(&path)?))).collect::<Result<_, RigError>>()?;
+    remember(&effects);
+    Ok(effects)
+}
+
+/// The files that [`beside`] reads, sorted by name.
+///
+/// # Errors
+/// More of them than a rig can need.
+pub fn files_beside(folder: &Path) -> Result<Vec<PathBuf>, RigError> {
     let own = folder.join(FOLDER);
-    let Ok(files) = std::fs::read_dir(&own) else { return Ok(OwnEffects::new()) };
+    let Ok(files) = std::fs::read_dir(&own) else { return Ok(Vec::new()) };
     let is_effect = |path: &Path| path.extension().is_some_and(|e| e == "toml");
     let mut paths: Vec<_> = files.filter_map(|f| f.ok().map(|f| f.path())).filter(|p| is_effect(p)).collect();
     paths.sort();
     if paths.len() > MOST_FILES {
         return Err(RigError::Effect { path: own, said: format!("it holds more than {MOST_FILES} effects") });
     }
-    let effects = paths.into_iter().map(|path| Ok((stem(&path), text(&path)?))).collect::<Result<_, RigError>>()?;
-    remember(&effects);
-    Ok(effects)
+    Ok(paths)
 }
 
 /// The name of the effect in a file.
