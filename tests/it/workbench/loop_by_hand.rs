@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use crate::common::{CREEP, LEAK, here};
+use crate::common::{CREEP, LEAK, NOTHING, here};
 use crate::workbench::client::{Workbench, done_in};
 
 fn folder_with(name: &str) -> tempfile::TempDir {
@@ -26,6 +26,26 @@ fn parameter(state: &Value, name: &str) -> Value {
 fn close(a: &Value, b: &Value, relative: f64) {
     let (a, b) = (a.as_f64().unwrap(), b.as_f64().unwrap());
     assert!((a / b - 1.0).abs() < relative, "{a} is not {b}");
+}
+
+/// An effect that the rig has of its own, in a file beside the recording, is offered and added like any other.
+#[test]
+fn an_effect_of_the_rigs_own_is_offered_and_added() {
+    let folder = folder_with(NOTHING);
+    let offered = |bench: &Workbench| -> Value { serde_json::from_slice(&bench.get("/api/effects")).unwrap() };
+    let has_it = |all: Value| all.as_array().unwrap().iter().any(|e| e["name"] == "relief-valve");
+    let bench = Workbench::open(folder.path(), &["run.mcap"]);
+    assert!(!has_it(offered(&bench)));
+    drop(bench);
+    std::fs::create_dir(folder.path().join("effects")).unwrap();
+    done_in(folder.path(), &["effects", "new", "relief-valve"]);
+    let bench = Workbench::open(folder.path(), &["run.mcap"]);
+    bench.fitted();
+    assert!(has_it(offered(&bench)));
+    bench.job("/api/add", &json!({ "effect": "relief-valve" }));
+    let state = bench.state();
+    assert_eq!(state["model"]["effects"], json!(["relief-valve"]));
+    assert!(parameter(&state, "set_head_m")["value"].is_f64(), "{state}");
 }
 
 #[test]

@@ -1,6 +1,7 @@
 """The numbers are the command line's, to the last digit."""
 
 import csv
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -16,25 +17,44 @@ SIMULATED: list[tuple[str, list[str], dict[str, float]]] = [
 ]
 
 
-@pytest.mark.parametrize(("rig", "effects", "values"), SIMULATED)
-def test_simulate_gives_what_the_command_writes(
-    tmp_path: Path, program: Program, rig: str, effects: list[str], values: dict[str, float]
-) -> None:
-    out = tmp_path / "out.csv"
+def simulates_alike(folder: Path, program: Program, rig: Path, effects: list[str], values: dict[str, float]) -> None:
+    """The command and the library give the same readings."""
+    out = folder / "out.csv"
     settings = [f"{name}={value}" for name, value in values.items()]
     done = program(
-        "simulate", "--rig", RIGS / rig, "--effects", ",".join(effects) or "none", "--set", *settings,
+        "simulate", "--rig", rig, "--effects", ",".join(effects) or "none", "--set", *settings,
         "--duration", 3, "--csv-times", 0.01, "-o", out,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     with out.open() as file:
         written = list(csv.DictReader(file))
     times_s = np.array([float(row["time_s"]) for row in written])
-    shown = ss.simulate(RIGS / rig, effects, values, times_s=times_s, readings=True)
+    shown = ss.simulate(rig, effects, values, times_s=times_s, readings=True)
     assert len(written) == 301 and set(shown) == set(written[0]) - {"time_s"}
     for name, readings in shown.items():
         # The command writes twelve digits.
         assert [float(f"{value:.11e}") for value in readings] == [float(row[name]) for row in written]
+
+
+@pytest.mark.parametrize(("rig", "effects", "values"), SIMULATED)
+def test_simulate_gives_what_the_command_writes(
+    tmp_path: Path, program: Program, rig: str, effects: list[str], values: dict[str, float]
+) -> None:
+    simulates_alike(tmp_path, program, RIGS / rig, effects, values)
+
+
+def test_an_effect_of_the_rigs_own_is_one_like_any_other(tmp_path: Path, program: Program) -> None:
+    rig = tmp_path / "rig.toml"
+    shutil.copy(RIGS / "demo-hdpe.toml", rig)
+    (tmp_path / "effects").mkdir()
+    made = program("effects", "new", "relief-valve", "-o", tmp_path / "effects" / "relief-valve.toml")
+    assert made.returncode == 0, made.stderr
+    values = {"position_m": 41.0, "set_head_m": 36.0, "cda_mm2": 12.0}
+    simulates_alike(tmp_path, program, rig, ["relief-valve"], values)
+    times_s = np.linspace(0.0, 1.0, 50)
+    with_it = ss.simulate(rig, "relief-valve", values, times_s=times_s)
+    without = ss.simulate(rig, times_s=times_s)
+    assert any(np.abs(with_it[name] - without[name]).max() > 0.5 for name in without)
 
 
 def test_heads_are_readings_in_metres() -> None:
