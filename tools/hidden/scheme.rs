@@ -37,6 +37,8 @@ struct Wall {
     /// Push of the water per head, and of the spring per travel, on the wall.
     push: f64,
     spring: f64,
+    /// What dry friction on the floor takes of its speed while it slides, m/s².
+    slows_m_s2: f64,
     speed_m_s: Vec<f64>,
     stress_m: Vec<f64>,
     travel_m: f64,
@@ -47,9 +49,13 @@ impl Wall {
     /// one of pressure waves.
     fn of(case: &Case, nodes: usize) -> Option<(Wall, f64, usize)> {
         let wall = |h: &Hidden| {
-            if let Hidden::Wall(nu, ct, density, give) = *h { Some((nu, ct, density, give)) } else { None }
+            if let Hidden::Wall(nu, ct, density, give, floor) = *h {
+                Some((nu, ct, density, give, floor))
+            } else {
+                None
+            }
         };
-        let (poisson, ct, density, give) = case.find(wall)?;
+        let (poisson, ct, density, give, floor_m) = case.find(wall)?;
         let (ratio, a2) = (case.diameter_m / case.wall_m, case.wave_speed_m_s.powi(2));
         // (c² - a²)(ct² - a²) = 2ν² (ρ/ρ_wall)(D/2e) c² a², solved for c.
         let coupled = poisson * poisson * ratio * a2 / (density * (ct * ct - a2));
@@ -62,6 +68,7 @@ impl Wall {
             by_strain: ct * ct * density / G,
             push: 0.25 * ratio,
             spring: 0.25 * ratio / give,
+            slows_m_s2: G / density * 0.25 * ratio * floor_m / case.length_m,
             speed_m_s: vec![0.0; nodes],
             stress_m: vec![0.0; nodes + 1],
             travel_m: 0.0,
@@ -160,7 +167,7 @@ pub fn solve(case: &Case, velocity_m_s: f64, duration_s: f64) -> Solved {
     solve_on(case, velocity_m_s, duration_s, NODES)
 }
 
-fn solve_on(case: &Case, velocity_m_s: f64, duration_s: f64, nodes: usize) -> Solved {
+pub fn solve_on(case: &Case, velocity_m_s: f64, duration_s: f64, nodes: usize) -> Solved {
     let area = case.area_m2();
     let flow0 = velocity_m_s * area;
     let section = |h: &Hidden| if let Hidden::Section(from, to, ratio) = *h { Some((from, to, ratio)) } else { None };
@@ -360,7 +367,9 @@ fn solve_on(case: &Case, velocity_m_s: f64, duration_s: f64, nodes: usize) -> So
         }
         if let Some(wall) = &mut wall {
             for (i, u) in wall.speed_m_s.iter_mut().enumerate() {
-                *u += dt * wall.by_stress * (wall.stress_m[i + 1] - wall.stress_m[i]) / line.step_m[i];
+                // Friction stops what it can within the step.
+                let free = *u + dt * wall.by_stress * (wall.stress_m[i + 1] - wall.stress_m[i]) / line.step_m[i];
+                *u = free.signum() * (free.abs() - dt * wall.slows_m_s2).max(0.0);
             }
         }
         for i in 0..branch_cells {
@@ -687,7 +696,7 @@ mod tests {
     /// head ahead of the pressure wave's return is that of the wall's first echo.
     #[test]
     fn a_wall_that_moves_answers_as_its_impedance_says() {
-        let hidden = Hidden::Wall(1e-6, 1500.0, 2.0, 1e6);
+        let hidden = Hidden::Wall(1e-6, 1500.0, 2.0, 1e6, 0.0);
         let moving = Case { wall_m: 0.025, ..case(Some(hidden), Vec::new()) };
         let solved = solve(&moving, moving.velocity_m_s, 1.0);
         // ρ A a (V - u) = ρ A g h and A ρ g h = ρ_w A_w ct u, until the wall's echo is back after 2L/ct.
@@ -710,7 +719,7 @@ mod tests {
             let solved = solve(&case, case.velocity_m_s, 2.0);
             (0..80).map(|i| linear(&solved.heads_m[0], (f64::from(i) + 0.5) * 0.025 / solved.dt_s)).collect::<Vec<_>>()
         };
-        let (still, none) = (at_valve(Some(Hidden::Wall(1e-6, 1500.0, 4.0, 1e-9))), at_valve(None));
+        let (still, none) = (at_valve(Some(Hidden::Wall(1e-6, 1500.0, 4.0, 1e-9, 0.0))), at_valve(None));
         let apart = (still.iter().zip(&none).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / 80.0).sqrt();
         let rise = case(None, Vec::new()).joukowsky_m();
         assert!(apart < 1e-3 * rise, "{apart} m of {rise}");
@@ -721,7 +730,7 @@ mod tests {
     #[test]
     fn poissons_precursor_is_as_high_as_theory_says() {
         let (nu, ct, density) = (0.5, 1500.0, 2.0);
-        let hidden = Hidden::Wall(nu, ct, density, 1e-9);
+        let hidden = Hidden::Wall(nu, ct, density, 1e-9, 0.0);
         let sensors_m = vec![100.0, 50.0];
         let case = Case { wall_m: 0.025, closing_s: 0.005, sensors_m, ..case(Some(hidden), Vec::new()) };
         let solved = solve(&case, case.velocity_m_s, 0.3);
