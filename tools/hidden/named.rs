@@ -55,9 +55,9 @@ fn modelled(case: &Case, reaches: usize, times_s: &[f64]) -> Vec<f64> {
         case.closing_s
     );
     let rig = Rig::from_toml(&text, "floor.toml").unwrap();
-    let Hidden::Wall(nu, ct, density, give, floor_m) = case.hidden[0] else { panic!() };
+    let Hidden::Wall(nu, ct, density_kg_m3, give, floor_m) = case.hidden[0] else { panic!() };
     let mut water = rig.fluid.properties(20.0);
-    water.density_kg_m3 = rig.pipes[0].material().density_kg_m3 / density;
+    water.density_kg_m3 = rig.pipes[0].material().density_kg_m3 / density_kg_m3 * case.density_kg_m3();
     let model = Model::new(&rig, &water, &parse_list("fluid-structure/floor").unwrap());
     let shared = [case.wave_speed_m_s, nu, ct, 1e3 * give, floor_m];
     let run = RunValues {
@@ -98,7 +98,7 @@ fn a_floor_brakes_the_wall_as_the_program_has_it() {
     };
     // The wall slides all along; it sticks in part; it hardly moves.
     for floor_m in [0.2, 1.0, 10.0].map(|part| part * rise_m) {
-        case.hidden = vec![Hidden::Wall(0.34, 3660.0, 8.95, give, floor_m)];
+        case.hidden = vec![Hidden::Wall(0.34, 3660.0, 8930.0, give, floor_m)];
         let solved = solve_on(&case, case.velocity_m_s, case.duration_s, 200);
         let at = |heads: &Vec<f64>| times_s.iter().map(|t| linear(heads, t / solved.dt_s)).collect::<Vec<_>>();
         let right: Vec<f64> = solved.heads_m.iter().flat_map(at).collect();

@@ -55,7 +55,8 @@ impl Wall {
                 None
             }
         };
-        let (poisson, ct, density, give, floor_m) = case.find(wall)?;
+        let (poisson, ct, density_kg_m3, give, floor_m) = case.find(wall)?;
+        let density = density_kg_m3 / case.density_kg_m3();
         let (ratio, a2) = (case.diameter_m / case.wall_m, case.wave_speed_m_s.powi(2));
         // (c² - a²)(ct² - a²) = 2ν² (ρ/ρ_wall)(D/2e) c² a², solved for c.
         let coupled = poisson * poisson * ratio * a2 / (density * (ct * ct - a2));
@@ -539,6 +540,9 @@ mod tests {
     use super::super::record::linear;
     use super::*;
 
+    /// At the case's 20 °C.
+    const WATER_KG_M3: f64 = 998.2;
+
     /// A frictionless-looking elastic pipe: 100 m, 400 m/s, one second a period.
     fn case(hidden: Option<Hidden>, creep: Vec<(f64, f64)>) -> Case {
         Case {
@@ -696,7 +700,7 @@ mod tests {
     /// head ahead of the pressure wave's return is that of the wall's first echo.
     #[test]
     fn a_wall_that_moves_answers_as_its_impedance_says() {
-        let hidden = Hidden::Wall(1e-6, 1500.0, 2.0, 1e6, 0.0);
+        let hidden = Hidden::Wall(1e-6, 1500.0, 2.0 * WATER_KG_M3, 1e6, 0.0);
         let moving = Case { wall_m: 0.025, ..case(Some(hidden), Vec::new()) };
         let solved = solve(&moving, moving.velocity_m_s, 1.0);
         // ρ A a (V - u) = ρ A g h and A ρ g h = ρ_w A_w ct u, until the wall's echo is back after 2L/ct.
@@ -719,7 +723,7 @@ mod tests {
             let solved = solve(&case, case.velocity_m_s, 2.0);
             (0..80).map(|i| linear(&solved.heads_m[0], (f64::from(i) + 0.5) * 0.025 / solved.dt_s)).collect::<Vec<_>>()
         };
-        let (still, none) = (at_valve(Some(Hidden::Wall(1e-6, 1500.0, 4.0, 1e-9, 0.0))), at_valve(None));
+        let (still, none) = (at_valve(Some(Hidden::Wall(1e-6, 1500.0, 4.0 * WATER_KG_M3, 1e-9, 0.0))), at_valve(None));
         let apart = (still.iter().zip(&none).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / 80.0).sqrt();
         let rise = case(None, Vec::new()).joukowsky_m();
         assert!(apart < 1e-3 * rise, "{apart} m of {rise}");
@@ -730,7 +734,7 @@ mod tests {
     #[test]
     fn poissons_precursor_is_as_high_as_theory_says() {
         let (nu, ct, density) = (0.5, 1500.0, 2.0);
-        let hidden = Hidden::Wall(nu, ct, density, 1e-9, 0.0);
+        let hidden = Hidden::Wall(nu, ct, density * WATER_KG_M3, 1e-9, 0.0);
         let sensors_m = vec![100.0, 50.0];
         let case = Case { wall_m: 0.025, closing_s: 0.005, sensors_m, ..case(Some(hidden), Vec::new()) };
         let solved = solve(&case, case.velocity_m_s, 0.3);
