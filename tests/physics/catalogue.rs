@@ -83,7 +83,7 @@ const BRANCH: Row = Row {
     ..PLACE
 };
 
-const TABLE: [Row; 28] = [
+const TABLE: [Row; 29] = [
     Row { case: "base model", ..ROW },
     Row {
         effect: "viscoelastic-wall:2",
@@ -179,6 +179,14 @@ const TABLE: [Row; 28] = [
     // It sticks and slides from step to step.
     Row {
         effect: "fluid-structure/dry",
+        values: &[0.4, 1130.0, 0.5, 3.0],
+        gone: &[0.0, 1130.0, 0.0, 3.0],
+        faint: &[1e-12, 1130.0, 1e-12, 3.0],
+        order: 1.0,
+        ..ROW
+    },
+    Row {
+        effect: "fluid-structure/floor",
         values: &[0.4, 1130.0, 0.5, 3.0],
         gone: &[0.0, 1130.0, 0.0, 3.0],
         faint: &[1e-12, 1130.0, 1e-12, 3.0],

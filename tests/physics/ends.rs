@@ -248,7 +248,7 @@ fn a_skewed_clock_and_a_wrong_gain_do_what_they_say() {
 
 #[test]
 fn values_that_cannot_be_are_refused_by_name() {
-    let cases: [(&str, &[f64], &str); 20] = [
+    let cases: [(&str, &[f64], &str); 21] = [
         ("valve-law", &[0.0, 0.5], "inflection_time_fraction"),
         ("valve-law", &[0.5, 1.2], "inflection_opening"),
         ("valve-law/power", &[0.0], "valve_exponent"),
@@ -266,6 +266,7 @@ fn values_that_cannot_be_are_refused_by_name() {
         ("fluid-structure", &[0.4, 410.0, 1.0], "stress_wave_speed_m_s"),
         ("fluid-structure", &[0.4, 1200.0, -1.0], "valve_give_mm_per_m"),
         ("fluid-structure/dry", &[0.4, 1200.0, 1.0, -1.0], "dry_friction_m"),
+        ("fluid-structure/floor", &[0.4, 1200.0, 1.0, -1.0], "floor_friction_m"),
         ("sensor-lag", &[-1.0, 1.0], "lag_time_s"),
         ("clock-skew", &[f64::NAN], "clock_skew_s"),
         ("sensor-gain", &[-1.0], "gain_error"),

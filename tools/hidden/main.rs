@@ -9,6 +9,8 @@
 //! With `--plastic` every wall creeps, also where an effect is otherwise hidden in metal only.
 
 mod forcing;
+#[cfg(test)]
+mod named;
 mod record;
 mod rig;
 mod scheme;

@@ -74,9 +74,9 @@ pub enum Hidden {
     /// The supply's mouth: loss of the entering flow before the closure m, that of a leaving flow over it, length of the
     /// water that moves outside m.
     Mouth(f64, f64, f64),
-    /// A wall that moves: Poisson's ratio, speed of stress waves in a bar of it m/s, density over that of water, travel
-    /// of the valve's spring m per m of head.
-    Wall(f64, f64, f64, f64),
+    /// A wall that moves: Poisson's ratio, speed of stress waves in a bar of it m/s, density kg/m³, travel
+    /// of the valve's spring m per m of head, head whose push on the valve the friction of the floor just holds m.
+    Wall(f64, f64, f64, f64, f64),
     /// What no effect of the catalogue is.
     Forced(Forced),
 }
@@ -240,7 +240,7 @@ pub fn draw(
                 if material == "copper" { (0.34, 120e9, 8930.0) } else { (0.3, 206e9, 7850.0) };
             let give = 9.81 * length_m / wave_speed_m_s.powi(2) * log(random, 0.02, 10.0);
             let speed = (modulus_pa * between(random, 0.95, 1.05) / density).sqrt();
-            Hidden::Wall(poisson, speed, density / 1000.0, give)
+            Hidden::Wall(poisson, speed, density, give, 0.0)
         }
         "side-branch" => Hidden::Branch(place_m, length_m * between(random, 0.03, 0.15)),
         "sensor-lag" => Hidden::Lag(which, log(random, 2.0, 15.0) / period_s),

@@ -22,6 +22,7 @@ use crate::model::contribution::{Implicit, LineTerm};
 use crate::model::node::{Node, Solved, Spread};
 use crate::model::state::State;
 use crate::model::steady::Steady;
+use crate::model::wall_waves::WallWaves;
 use crate::units::GRAVITY_M_S2;
 
 /// Owners of the parts of the line: the index of an account for every term, field, shunt and loss.
@@ -154,7 +155,7 @@ impl<'a> Balance<'a> {
     /// Starts at the steady state.
     pub fn new(
         steady: &'a Steady<'a>,
-        owners: Owners,
+        mut owners: Owners,
         terms: &[Box<dyn LineTerm>],
         state: &State,
         steps: usize,
@@ -167,9 +168,17 @@ impl<'a> Balance<'a> {
             }
         }
         let energy = Energy { dt_s: grid.dt_s, accounts: owners.accounts.clone(), values: Vec::new() };
+        let mut implicit: Vec<Vec<Implicit>> =
+            terms.iter().map(|t| (0..grid.segments.len()).map(|s| t.implicit(s)).collect()).collect();
+        // What a wall that lies on a floor takes from pressure waves comes last, and has no implicit part.
+        if let Some(wall) = owners.wall {
+            owners.terms.push(wall);
+            implicit.push(vec![Implicit::default(); grid.segments.len()]);
+            known.push((vec![0.0; grid.nodes()], vec![0.0; grid.nodes()]));
+        }
         let mut balance = Balance {
             weight: steady.density_kg_m3 * GRAVITY_M_S2 * grid.dt_s,
-            implicit: terms.iter().map(|t| (0..grid.segments.len()).map(|s| t.implicit(s)).collect()).collect(),
+            implicit,
             known,
             ends: vec![[0.0; 2]; grid.segments.len()],
             row: vec![0.0; energy.width()],
@@ -268,11 +277,14 @@ impl<'a> Balance<'a> {
     }
 
     /// Advances the terms as the solver would, but keeps their contributions apart.
-    pub fn advance(&mut self, terms: &mut [Box<dyn LineTerm>], state: &mut State) {
+    pub fn advance(&mut self, terms: &mut [Box<dyn LineTerm>], wall: Option<&mut WallWaves>, state: &mut State) {
         for (term, (storage, momentum)) in terms.iter_mut().zip(&mut self.known) {
             storage.fill(0.0);
             momentum.fill(0.0);
             term.advance(&state.h, &state.u, storage, momentum);
+        }
+        if let (Some(_), Some((_, momentum))) = (&wall, self.known.last_mut()) {
+            momentum.fill(0.0);
         }
         state.storage.fill(0.0);
         state.momentum.fill(0.0);
@@ -280,6 +292,11 @@ impl<'a> Balance<'a> {
         for (storage, momentum) in &self.known {
             add(&mut state.storage, storage);
             add(&mut state.momentum, momentum);
+        }
+        if let (Some(wall), Some((_, own))) = (wall, self.known.last_mut()) {
+            own.copy_from_slice(&state.momentum);
+            wall.rub(|i| 0.5 * (state.new_fwd[i - 1] - state.new_bwd[i + 1]), &mut state.momentum);
+            own.iter_mut().zip(&state.momentum).for_each(|(own, after)| *own = after - *own);
         }
     }
 

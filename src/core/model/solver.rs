@@ -64,7 +64,7 @@ impl<'a> Lines<'a> {
         let readings: Vec<Reading> = probes.iter().map(|&probe| Reading::new(probe, self.steady)).collect();
         let mut lines = self.stepped(graph, &state);
         if let Some(wall) = &mut lines.wall {
-            wall.reserve(steps);
+            wall.reserve(steps, probes);
         }
         let mut traces: Vec<Trace> = readings.iter().map(|_| Trace::with_capacity(grid.dt_s, steps + 1)).collect();
         state.read(&mut traces, &readings);
@@ -103,7 +103,8 @@ impl<'a> Lines<'a> {
             implicit.push(total);
         }
         let late = Late::of(grid, &fwd, &bwd);
-        let terms = match (heads_only && self.field.is_none(), self.terms.is_empty()) {
+        let lies = self.wall.as_ref().is_some_and(WallWaves::lies);
+        let terms = match (heads_only && self.field.is_none() && !lies, self.terms.is_empty()) {
             (true, true) => LineTerms::None,
             (true, false) if self.terms.iter().all(|term| term.is_storage_alone()) => LineTerms::Storage,
             _ => LineTerms::All,
@@ -213,12 +214,13 @@ impl Stepped<'_> {
                 Some(field) => state.interior_with(field.as_mut(), s, segment),
             }
         }
+        let lies = self.wall.as_ref().is_some_and(WallWaves::lies);
         match balance {
             Some(balance) => {
                 balance.line(state);
-                balance.advance(&mut self.terms, state);
+                balance.advance(&mut self.terms, self.wall.as_mut(), state);
             }
-            None if self.terms.is_empty() => {}
+            None if self.terms.is_empty() && !lies => {}
             None if state.terms == LineTerms::Storage => {
                 for (i, term) in self.terms.iter_mut().enumerate() {
                     term.advance_storage(&state.h, &mut state.storage, i == 0);
@@ -234,6 +236,10 @@ impl Stepped<'_> {
                 }
                 for term in &mut self.terms {
                     term.advance(&state.h, &state.u, &mut state.storage, &mut state.momentum);
+                }
+                if let Some(wall) = &mut self.wall {
+                    let State { new_fwd, new_bwd, momentum, .. } = state;
+                    wall.rub(|i| 0.5 * (new_fwd[i - 1] - new_bwd[i + 1]), momentum);
                 }
             }
         }

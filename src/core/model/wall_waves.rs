@@ -21,14 +21,17 @@
 //! all-pass filter, which loses nothing ([`AllPass`]). At an end two laws, of the water and of the
 //! wall, send both pairs back; they change the characteristic that reaches the node there, and nothing else of it.
 //!
-//! What acts along the pipe (friction, creep, gas, an element at a place) acts on pressure waves alone.
+//! What acts along the pipe (friction, creep, gas, an element at a place) acts on pressure waves alone. Dry friction on
+//! what the pipe lies on acts on both ([`Floor`]).
 
 use std::collections::VecDeque;
 
 use crate::model::error::ModelError;
 use crate::model::fitted::theta;
+use crate::model::grid::Segment;
 use crate::model::late::AllPass;
 use crate::model::node::Arriving;
+use crate::model::steady::Steady;
 use crate::model::trace::{Probe, Trace};
 use crate::units::GRAVITY_M_S2;
 
@@ -49,6 +52,8 @@ pub struct Wall {
     pub length_m: f64,
     /// Speed of pressure waves, `λ1`, m/s.
     pub wave_speed_m_s: f64,
+    /// Head whose push on the wall's end the dry friction all along the pipe just holds, m.
+    pub floor_m: f64,
 }
 
 /// What holds an end of the wall.
@@ -121,7 +126,8 @@ impl Wall {
 /// The stress waves of a pipe, and its two ends.
 pub struct WallWaves {
     ends: [WallEnd; 2],
-    delays: [Delay; 2],
+    ways: Ways,
+    floor: Option<Floor>,
     length_m: f64,
     dt_s: f64,
 }
@@ -136,19 +142,27 @@ impl WallWaves {
         wall: &Wall,
         at: [(usize, Hold, f64); 2],
         flow_m3_s: f64,
-        dt_s: f64,
-        reaches: usize,
+        steady: &Steady,
     ) -> Result<WallWaves, ModelError> {
         let modes = wall.modes()?;
+        let (dt_s, reaches) = (steady.grid.dt_s, steady.grid.reaches());
         let steps = wall.length_m / modes.stress_speed_m_s / dt_s;
-        if steps.round() < 2.0 {
-            return Err(ModelError::TooFewReaches { reaches, needed: (2.0 * reaches as f64 / steps).ceil() as usize });
+        // A floor needs a place where waves meet, and nodes about it.
+        let least = if wall.floor_m > 0.0 { 3.0 } else { 2.0 };
+        let too_few = |needed: f64| ModelError::TooFewReaches { reaches, needed: needed.ceil() as usize };
+        if steps.round() < least {
+            return Err(too_few(least * reaches as f64 / steps));
         }
+        let ways = Ways::new(steps);
+        let lies = wall.floor_m > 0.0;
+        let floor = lies.then(|| Floor::new(wall, modes, ways.down.len(), steady).ok_or(too_few(2.0 * reaches as f64)));
+        let floor = floor.transpose()?;
         let [supply, valve] = at;
         let end = |(node, hold, head_m), out_m3_s| WallEnd::new(modes, node, hold, (head_m, out_m3_s), dt_s);
         Ok(WallWaves {
             ends: [end(supply, -flow_m3_s), end(valve, flow_m3_s)],
-            delays: [Delay::new(steps), Delay::new(steps)],
+            ways,
+            floor,
             length_m: wall.length_m,
             dt_s,
         })
@@ -162,20 +176,35 @@ impl WallWaves {
     /// What left one end in this step goes on towards the other.
     pub(crate) fn turn(&mut self) {
         let [supply, valve] = &mut self.ends;
-        let [down, up] = &mut self.delays;
-        valve.arriving_m = down.pass(supply.leaving_m);
-        supply.arriving_m = up.pass(valve.leaving_m);
+        [supply.arriving_m, valve.arriving_m] = self.ways.pass(supply.leaving_m, valve.leaving_m);
         for end in &mut self.ends {
             end.left_m.push(end.leaving_m);
             end.sums_m.push(end.sum_m);
         }
     }
 
-    /// Makes room for what the ends keep of so many steps, so that no step has to.
-    pub(crate) fn reserve(&mut self, steps: usize) {
+    /// Whether the pipe lies on a floor, so that what rubs there acts on the line.
+    pub(crate) fn lies(&self) -> bool {
+        self.floor.is_some()
+    }
+
+    /// The floor holds the wall in the next step, or brakes it; adds its `d`. `next_u` is what arrives there at a node,
+    /// before what friction takes over one reach.
+    #[inline(always)]
+    pub(crate) fn rub(&mut self, next_u: impl Fn(usize) -> f64, momentum: &mut [f64]) {
+        if let Some(floor) = &mut self.floor {
+            floor.rub(&mut self.ways, next_u, momentum);
+        }
+    }
+
+    /// Makes room for what is kept of so many steps for the probes, so that no step has to.
+    pub(crate) fn reserve(&mut self, steps: usize, probes: &[Probe]) {
         for end in &mut self.ends {
             end.left_m.reserve_exact(steps);
             end.sums_m.reserve_exact(steps);
+        }
+        if let Some(floor) = &mut self.floor {
+            floor.heard = probes.iter().map(|probe| floor.around(probe.place().position_m, steps)).collect();
         }
     }
 
@@ -183,9 +212,15 @@ impl WallWaves {
     pub(crate) fn show(self, probes: &[Probe], traces: &mut [Trace]) {
         let Modes { beta, stress_speed_m_s, area_m2, .. } = self.ends[0].modes;
         let trace = |values: &[f64]| Trace { dt_s: self.dt_s, values: values.to_vec(), late_s: 0.0 };
-        let [from_supply, from_valve] = [0, 1].map(|i| trace(&self.ends[i].left_m));
-        for (probe, shown) in probes.iter().zip(traces) {
+        for (n, (probe, shown)) in probes.iter().zip(traces).enumerate() {
             let x_m = probe.place().position_m;
+            // Where waves were last heard on their way to the probe: at the ends, or where the floor changes them.
+            let [before, behind] =
+                self.floor.as_ref().map_or([None, None], |floor| floor.heard[n].each_ref().map(Option::as_ref));
+            let (from_m, from_supply) =
+                before.map_or((0.0, trace(&self.ends[0].left_m)), |at| (at.x_m, trace(&at.wave_m)));
+            let (to_m, from_valve) =
+                behind.map_or((self.length_m, trace(&self.ends[1].left_m)), |at| (at.x_m, trace(&at.wave_m)));
             for (i, value) in shown.values.iter_mut().enumerate() {
                 let t = i as f64 * self.dt_s;
                 let (down_m, up_m) = if x_m <= 0.0 {
@@ -194,7 +229,7 @@ impl WallWaves {
                     (self.ends[1].sums_m[i] - self.ends[1].left_m[i], self.ends[1].left_m[i])
                 } else {
                     let since = |way_m: f64| t - way_m / stress_speed_m_s;
-                    (from_supply.at(since(x_m)), from_valve.at(since(self.length_m - x_m)))
+                    (from_supply.at(since(x_m - from_m)), from_valve.at(since(to_m - x_m)))
                 };
                 *value += match probe {
                     Probe::Head(_) => beta * (down_m + up_m),
@@ -205,24 +240,133 @@ impl WallWaves {
     }
 }
 
-/// A wave on its way from one end to the other: whole steps and an all-pass filter for the rest.
-struct Delay {
-    way: VecDeque<f64>,
-    rest: AllPass,
+/// Stress waves on their way, oldest first: whole steps from the valve, and all-pass filters for the rest of the way,
+/// at the supply.
+struct Ways {
+    down: VecDeque<f64>,
+    up: VecDeque<f64>,
+    rest: [AllPass; 2],
 }
 
-impl Delay {
-    fn new(steps: f64) -> Delay {
+impl Ways {
+    fn new(steps: f64) -> Ways {
         // One step more passes until the other end takes it; the filter takes a half to one and a half.
         let late = 1.0 + steps - steps.round();
-        let whole = steps.round() as usize - 2;
-        Delay { way: VecDeque::from(vec![0.0; whole]), rest: AllPass::new(late, 0.0) }
+        let whole = VecDeque::from(vec![0.0; steps.round() as usize - 2]);
+        Ways { down: whole.clone(), up: whole, rest: [AllPass::new(late, 0.0); 2] }
     }
 
-    fn pass(&mut self, wave: f64) -> f64 {
-        self.way.push_back(wave);
-        let wave = self.way.pop_front().unwrap_or(wave);
-        self.rest.pass(wave)
+    /// What arrives at the supply and at the valve as these waves leave them.
+    fn pass(&mut self, from_supply: f64, from_valve: f64) -> [f64; 2] {
+        let [down, up] = &mut self.rest;
+        let shift = |way: &mut VecDeque<f64>, wave: f64| {
+            way.push_back(wave);
+            way.pop_front().unwrap_or(wave)
+        };
+        let at_valve = shift(&mut self.down, down.pass(from_supply));
+        [up.pass(shift(&mut self.up, from_valve)), at_valve]
+    }
+}
+
+/// Dry friction between the pipe and what it lies on, gathered at the places where stress waves meet after each step.
+///
+/// There the stress jumps by `f`, at most by what the floor holds, against the wall's velocity; head, flow and that
+/// velocity do not jump. It sends a stress wave of `-f/2(1 + αβ)` upstream, its opposite downstream, and pressure waves
+/// of `-β` times as much. Where less than the most is enough, the wall stands still.
+struct Floor {
+    modes: Modes,
+    /// From the valve on.
+    places: Vec<Rubbed>,
+    /// For each probe, where waves towards it were changed last.
+    heard: Vec<[Option<Heard>; 2]>,
+}
+
+/// One place of it.
+struct Rubbed {
+    x_m: f64,
+    /// Most of `f/2(1 + αβ)`.
+    most_m: f64,
+    /// Inner nodes around it, with weights.
+    nodes: [(usize, f64); 2],
+    /// Velocity of the wall by the pressure waves' `u`, in steady flow, and by what is sent.
+    by_u: f64,
+    steady_m_s: f64,
+    by_sent: f64,
+}
+
+/// A wave as it was after each step at the place of this number.
+struct Heard {
+    place: usize,
+    x_m: f64,
+    wave_m: Vec<f64>,
+}
+
+impl Floor {
+    /// Nothing where there are no nodes about its places.
+    fn new(wall: &Wall, modes: Modes, count: usize, steady: &Steady) -> Option<Floor> {
+        let (grid, reach_m) = (steady.grid, modes.stress_speed_m_s * steady.grid.dt_s);
+        let inner =
+            |s: &Segment| (1..s.reaches).map(|i| (s.start_m + s.reach_m * i as f64, s.offset + i)).collect::<Vec<_>>();
+        let inner: Vec<(f64, usize)> = grid.segments.iter().flat_map(inner).collect();
+        let last = inner.len().checked_sub(1).filter(|last| *last > 0)?;
+        let twice = 2.0 * (1.0 + modes.alpha * modes.beta);
+        let place = |i: usize| {
+            let x_m = wall.length_m - (i + 1) as f64 * reach_m;
+            // The first has what lies between it and the valve, the last what lies between it and the supply.
+            let to_valve_m = if i == 0 { reach_m } else { 0.5 * reach_m };
+            let to_supply_m = if i + 1 == count { x_m } else { 0.5 * reach_m };
+            let behind = inner.partition_point(|(at_m, _)| *at_m < x_m).clamp(1, last);
+            let [(from_m, first), (to_m, second)] = [inner[behind - 1], inner[behind]];
+            let part = ((x_m - from_m) / (to_m - from_m)).clamp(0.0, 1.0);
+            let Segment { impedance, .. } = grid.segments[grid.stencil(x_m).segment];
+            let by_u = modes.alpha * modes.density_ratio / (impedance * modes.area_m2);
+            Rubbed {
+                x_m,
+                most_m: modes.thrust * wall.floor_m * (to_valve_m + to_supply_m) / wall.length_m / twice,
+                nodes: [(first, 1.0 - part), (second, part)],
+                by_u,
+                steady_m_s: by_u * impedance * steady.flow_m3_s[grid.stencil(x_m).segment],
+                by_sent: modes.per_stress() + by_u * modes.beta * (part * part + (1.0 - part) * (1.0 - part)),
+            }
+        };
+        Some(Floor { modes, places: (0..count).map(place).collect(), heard: Vec::new() })
+    }
+
+    #[inline(always)]
+    fn rub(&mut self, ways: &mut Ways, next_u: impl Fn(usize) -> f64, momentum: &mut [f64]) {
+        let (beta, by_stress) = (self.modes.beta, self.modes.per_stress());
+        for (place, (down, up)) in self.places.iter().zip(ways.down.iter_mut().zip(ways.up.iter_mut().rev())) {
+            let u = place.nodes.iter().map(|&(node, share)| share * (next_u(node) + momentum[node])).sum::<f64>();
+            let free_m_s = place.by_u * u - place.steady_m_s - by_stress * (*down - *up);
+            let sent = (free_m_s / place.by_sent).clamp(-place.most_m, place.most_m);
+            *down += sent;
+            *up -= sent;
+            for &(node, share) in &place.nodes {
+                momentum[node] -= share * beta * sent;
+            }
+        }
+        let last = self.places.len().wrapping_sub(1);
+        for [before, behind] in &mut self.heard {
+            if let Some(heard) = before {
+                heard.wave_m.push(ways.down[heard.place]);
+            }
+            if let Some(heard) = behind {
+                heard.wave_m.push(ways.up[last - heard.place]);
+            }
+        }
+    }
+
+    /// The places before and behind a probe, with room for so many steps.
+    fn around(&self, x_m: f64, steps: usize) -> [Option<Heard>; 2] {
+        let before = self.places.iter().position(|place| place.x_m <= x_m);
+        let behind = self.places.iter().rposition(|place| place.x_m >= x_m);
+        [before, behind].map(|found| {
+            let place = found?;
+            // Nothing moves before the second step.
+            let mut wave_m = Vec::with_capacity(steps + 2);
+            wave_m.extend([0.0, 0.0]);
+            Some(Heard { place, x_m: self.places[place].x_m, wave_m })
+        })
     }
 }
 
@@ -373,6 +517,7 @@ mod tests {
             area_m2: 0.5,
             length_m: 20.0,
             wave_speed_m_s: slow,
+            floor_m: 0.0,
         };
         let modes = wall.modes().unwrap();
         assert!((slow - 1024.7).abs() < 0.1 && (modes.stress_speed_m_s - 5280.5).abs() < 0.5, "{slow} {modes:?}");
@@ -380,11 +525,11 @@ mod tests {
 
     #[test]
     fn a_whole_number_of_steps_is_an_exact_delay() {
-        let mut delay = Delay::new(5.0);
-        let heard: Vec<f64> = (0..12).map(|i| delay.pass(f64::from(i * i))).collect();
+        let mut ways = Ways::new(5.0);
+        let heard: Vec<[f64; 2]> = (0..12).map(|i| ways.pass(f64::from(i * i), -f64::from(i))).collect();
         // The other end takes it a step later.
-        for (i, wave) in heard.iter().enumerate().skip(4) {
-            assert_eq!(*wave, ((i - 4) * (i - 4)) as f64);
+        for (i, arrived) in heard.iter().enumerate().skip(4) {
+            assert_eq!(*arrived, [-((i - 4) as f64), ((i - 4) * (i - 4)) as f64]);
         }
     }
 }

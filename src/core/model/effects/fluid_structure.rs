@@ -17,12 +17,29 @@ pub struct FluidStructure;
 /// The same with dry friction of the valve's support.
 pub struct DryFriction;
 
+/// The same with dry friction all along the pipe.
+pub struct Floor;
+
+/// What rubs: head whose push just overcomes it, m.
+#[derive(Clone, Copy, Default)]
+struct Dry {
+    /// At the valve's support.
+    valve_m: f64,
+    /// All along the pipe.
+    floor_m: f64,
+}
+
+const NAME: &str = "fluid-structure";
+const DRY: &str = "fluid-structure/dry";
+const FLOOR: &str = "fluid-structure/floor";
+/// Coefficient of dry friction of a pipe that lies on a floor, about.
+const USUAL_FRICTION: f64 = 0.3;
 const WHY: &str = "both move the valve";
 const TWICE: &str = "both describe the same wall, which would count twice";
 
 impl Effect for FluidStructure {
     fn name(&self) -> &'static str {
-        "fluid-structure"
+        NAME
     }
     fn summary(&self) -> &'static str {
         "a wall that moves along the pipe: stress waves, Poisson's contraction, the valve on a spring (or /dry: with dry friction)"
@@ -40,10 +57,10 @@ impl Effect for FluidStructure {
          that is lower and then beats"
     }
     fn variants(&self) -> &'static [&'static dyn Effect] {
-        &[&DryFriction]
+        &[&DryFriction, &Floor]
     }
     fn excludes(&self) -> &'static [(&'static str, &'static str)] {
-        &[("fluid-structure/dry", TWICE), ("moving-valve", WHY)]
+        &[(DRY, TWICE), (FLOOR, TWICE), ("moving-valve", WHY)]
     }
     fn impossible(&self, rig: &Rig) -> Option<&'static str> {
         (rig.pipes.len() > 1).then_some("it is written for one uniform pipe")
@@ -81,40 +98,51 @@ impl Effect for FluidStructure {
         vec![vec![1.0, 1.0, 0.01], vec![1.0, 1.0, 100.0]]
     }
     fn wall_waves(&self, values: &[f64], scene: &Scene, steady: &Steady) -> Result<Option<WallWaves>, ModelError> {
-        let (poisson_ratio, stress_speed_m_s, give_mm_per_m) = (values[0], values[1], values[2]);
-        check("wall_poisson_ratio", poisson_ratio, (0.0..=0.5).contains(&poisson_ratio), "from 0 to 0.5")?;
-        check("stress_wave_speed_m_s", stress_speed_m_s, stress_speed_m_s > 0.0, "more than zero")?;
-        check("valve_give_mm_per_m", give_mm_per_m, give_mm_per_m >= 0.0, "zero or more")?;
-        let dry_m = values.get(3).copied().unwrap_or(0.0);
-        check("dry_friction_m", dry_m, dry_m >= 0.0, "zero or more")?;
-        let (rig, graph) = (scene.rig, &scene.rig.graph);
-        let [pipe] = &rig.pipes[..] else {
-            return Err(ModelError::OnePipe { effect: self.name().to_owned() });
-        };
-        if poisson_ratio == 0.0 && give_mm_per_m == 0.0 {
-            return Ok(None);
-        }
-        let reaches = steady.grid.reaches();
-        let wall = Wall {
-            poisson_ratio,
-            stress_speed_m_s,
-            density_ratio: steady.density_kg_m3 / pipe.material().density_kg_m3,
-            wall_ratio: pipe.inner_diameter_m / pipe.wall_thickness_m,
-            area_m2: pipe.area_m2(),
-            length_m: pipe.length_m,
-            wave_speed_m_s: pipe.length_m / (reaches as f64 * scene.dt_s),
-        };
-        let supply = if pipe.constraint == Constraint::Free { Hold::Open } else { Hold::Anchored };
-        let valve = Hold::Valve { give: 1e-3 * give_mm_per_m, dry_m };
-        let heads = &steady.head_m;
-        let at = [(graph.supply(), supply, heads[0]), (graph.valve, valve, heads[heads.len() - 1])];
-        WallWaves::new(&wall, at, scene.flow_m3_s, scene.dt_s, reaches).map(Some)
+        wall_waves(self.name(), values, Dry::default(), scene, steady)
     }
+}
+
+/// The wall of all forms, by their first three values and what rubs.
+fn wall_waves(
+    effect: &str,
+    values: &[f64],
+    Dry { valve_m: dry_m, floor_m }: Dry,
+    scene: &Scene,
+    steady: &Steady,
+) -> Result<Option<WallWaves>, ModelError> {
+    let (poisson_ratio, stress_speed_m_s, give_mm_per_m) = (values[0], values[1], values[2]);
+    check("wall_poisson_ratio", poisson_ratio, (0.0..=0.5).contains(&poisson_ratio), "from 0 to 0.5")?;
+    check("stress_wave_speed_m_s", stress_speed_m_s, stress_speed_m_s > 0.0, "more than zero")?;
+    check("valve_give_mm_per_m", give_mm_per_m, give_mm_per_m >= 0.0, "zero or more")?;
+    check("dry_friction_m", dry_m, dry_m >= 0.0, "zero or more")?;
+    check("floor_friction_m", floor_m, floor_m >= 0.0, "zero or more")?;
+    let (rig, graph) = (scene.rig, &scene.rig.graph);
+    let [pipe] = &rig.pipes[..] else {
+        return Err(ModelError::OnePipe { effect: effect.to_owned() });
+    };
+    if poisson_ratio == 0.0 && give_mm_per_m == 0.0 {
+        return Ok(None);
+    }
+    let wall = Wall {
+        poisson_ratio,
+        stress_speed_m_s,
+        density_ratio: steady.density_kg_m3 / pipe.material().density_kg_m3,
+        wall_ratio: pipe.inner_diameter_m / pipe.wall_thickness_m,
+        area_m2: pipe.area_m2(),
+        length_m: pipe.length_m,
+        wave_speed_m_s: pipe.length_m / (steady.grid.reaches() as f64 * scene.dt_s),
+        floor_m,
+    };
+    let supply = if pipe.constraint == Constraint::Free { Hold::Open } else { Hold::Anchored };
+    let valve = Hold::Valve { give: 1e-3 * give_mm_per_m, dry_m };
+    let heads = &steady.head_m;
+    let at = [(graph.supply(), supply, heads[0]), (graph.valve, valve, heads[heads.len() - 1])];
+    WallWaves::new(&wall, at, scene.flow_m3_s, steady).map(Some)
 }
 
 impl Effect for DryFriction {
     fn name(&self) -> &'static str {
-        "fluid-structure/dry"
+        DRY
     }
     fn summary(&self) -> &'static str {
         "a wall that moves along the pipe, its valve on a spring with dry friction"
@@ -130,7 +158,7 @@ impl Effect for DryFriction {
         "as fluid-structure for high waves; none of the valve's motion once they are low"
     }
     fn excludes(&self) -> &'static [(&'static str, &'static str)] {
-        &[("fluid-structure", TWICE), ("moving-valve", WHY)]
+        &[(NAME, TWICE), (FLOOR, TWICE), ("moving-valve", WHY)]
     }
     fn impossible(&self, rig: &Rig) -> Option<&'static str> {
         FluidStructure.impossible(rig)
@@ -148,6 +176,54 @@ impl Effect for DryFriction {
         parameters
     }
     fn wall_waves(&self, values: &[f64], scene: &Scene, steady: &Steady) -> Result<Option<WallWaves>, ModelError> {
-        FluidStructure.wall_waves(values, scene, steady)
+        wall_waves(self.name(), values, Dry { valve_m: values[3], ..Dry::default() }, scene, steady)
+    }
+}
+
+impl Effect for Floor {
+    fn name(&self) -> &'static str {
+        FLOOR
+    }
+    fn summary(&self) -> &'static str {
+        "a wall that moves along the pipe, with dry friction on what it lies on"
+    }
+    fn equation(&self) -> &'static str {
+        "as fluid-structure, with ρ_w du/dt = ds/dx - (F/A_w L) sign(u) while the wall slides; it sticks where less than that is enough; \
+         F = A ρg h_floor"
+    }
+    fn source(&self) -> &'static str {
+        "Coulomb; Ferràs, Manso, Schleiss & Covas (2016), J. Hydraul. Eng. 142: a straight copper pipe"
+    }
+    fn trace(&self) -> &'static str {
+        "as fluid-structure for high waves; a wall that stands still, and no ripples, once they are low"
+    }
+    fn excludes(&self) -> &'static [(&'static str, &'static str)] {
+        &[(NAME, TWICE), (DRY, TWICE), ("moving-valve", WHY)]
+    }
+    /// How often it is told from the other forms is not measured yet.
+    fn searched(&self) -> bool {
+        false
+    }
+    fn impossible(&self, rig: &Rig) -> Option<&'static str> {
+        FluidStructure.impossible(rig)
+    }
+    fn parameters(&self, site: &Site, elements: usize) -> Vec<Parameter> {
+        let pipe = site.pipe();
+        let wall_over_water = 4.0 * pipe.wall_thickness_m / pipe.inner_diameter_m * pipe.material().density_kg_m3
+            / site.water.density_kg_m3;
+        let whole_m = USUAL_FRICTION * site.rig.length_m() * (1.0 + wall_over_water);
+        let mut parameters = FluidStructure.parameters(site, elements);
+        parameters.push(Parameter::log(
+            "floor_friction_m",
+            "m",
+            "head whose push on the valve the friction all along the pipe just holds",
+            whole_m,
+            1e-4 * whole_m,
+            1e1 * whole_m,
+        ));
+        parameters
+    }
+    fn wall_waves(&self, values: &[f64], scene: &Scene, steady: &Steady) -> Result<Option<WallWaves>, ModelError> {
+        wall_waves(self.name(), values, Dry { floor_m: values[3], ..Dry::default() }, scene, steady)
     }
 }
