@@ -12,8 +12,7 @@
 //! sum of these over all samples, squared. "Evidence" is a natural logarithm of odds over the start model, before
 //! tempering.
 
-#[cfg(doc)]
-use crate::fit::outcome::thresholds::{DOUBTFUL_ABOVE, NOISE_LIKE};
+use crate::fit::numeric::least_squares::Limits;
 use crate::model::effects::CATALOGUE;
 
 // ---- The baseline: binned samples on a coarse grid -----------------------------------------------------------------
@@ -38,6 +37,14 @@ pub(crate) const TELLING_HALF_CYCLES: usize = 8;
 
 /// Most elements with which an effect that has elements is tried. Cost.
 pub(crate) const MOST_ELEMENTS: usize = 3;
+/// Stopping rules while a form is screened: only the added parameters move. Cost, and tuned: data unknown.
+pub(crate) const SCREEN: Limits =
+    Limits { iterations: 10, cost_tolerance: 3e-3, step_tolerance: 1e-7, thorough: false };
+/// Stopping rules while a form is refined: all parameters move. Cost, and tuned: data unknown.
+pub(crate) const REFINE: Limits =
+    Limits { iterations: 25, cost_tolerance: 1e-3, step_tolerance: 1e-7, thorough: false };
+/// The same of each of a form's starts, before the best is refined. Cost, and tuned on the open sets.
+pub(crate) const TRY: Limits = Limits { iterations: 6, ..REFINE };
 /// Strengths at which an effect's signature is taken, as multiples of its usual start. Tuned: data unknown.
 pub(crate) const STRENGTHS: [f64; 5] = [1.0, 0.1, 0.3, 3.0, 10.0];
 /// Most places at which an effect is tried in all strengths; with more places, one strength has to do. Cost.
@@ -57,6 +64,9 @@ pub(crate) const NO_FULL_FIT_ABOVE: f64 = 4.0;
 /// A candidate that leaves less than this many times the best candidate's square is fitted until it converges. Cost,
 /// and tuned: data unknown.
 pub(crate) const CONVERGE_BELOW: f64 = 1.2;
+/// Error over noise below which a forecast is accurate: an effect that it does not promise will not appear. Tuned: data
+/// unknown.
+pub(crate) const QUIET: f64 = 1.2;
 
 /// Most effects that one diagnosis finds missing. Cost: a further diagnosis finds more.
 pub(crate) const MOST_MISSING: usize = 2;
@@ -92,14 +102,18 @@ pub const NEGLIGIBLE_EVIDENCE: f64 = -16.0;
 
 // ---- Verdict -------------------------------------------------------------------------------------------------------
 
+/// Error over noise up to which a residual may be noise. Tuned: data unknown.
+pub(crate) const NOISE_LIKE: f64 = 1.3;
 /// An effect that leaves more than this share of the start model's square beyond the noise, and more than
-/// [`DOUBTFUL_ABOVE`], does not explain it. Tuned: data unknown.
+/// [`UNEXPLAINED_OVER_NOISE`], does not explain it. Tuned: data unknown.
 pub(crate) const UNEXPLAINED_SHARE: f64 = 0.35;
+/// See [`UNEXPLAINED_SHARE`]: error over noise. Tuned: data unknown.
+pub(crate) const UNEXPLAINED_OVER_NOISE: f64 = 2.5;
 /// How fast the probability of something outside the catalogue rises with the logarithm of the error around
 /// [`NOISE_LIKE`], if no effect explains any of it. Tuned on recordings of `tools/hidden` of one seed;
 /// `tools/reliability.py` counts it on other seeds.
 pub(crate) const STEEPNESS_UNEXPLAINED: f64 = 20.0;
-/// The same around [`DOUBTFUL_ABOVE`], if an effect explains some of it. Tuned on the same recordings.
+/// The same around [`UNEXPLAINED_OVER_NOISE`], if an effect explains some of it. Tuned on the same recordings.
 pub(crate) const STEEPNESS: f64 = 4.0;
 /// A model whose error of prediction is this many times the start model's has learned nothing of use. Tuned: data
 /// unknown.
@@ -128,6 +142,8 @@ pub(crate) const MOST_REPEATS: f64 = 20.0;
 pub(crate) const BEST_TESTS: usize = 8;
 /// Draws of an answer's parameters from what the records leave open, the centre among them. Cost.
 pub(crate) const DRAWS: u32 = 3;
+/// Stopping rules while an answer is fitted to the record that another expects. Cost.
+pub(crate) const DESIGN: Limits = Limits { iterations: 20, cost_tolerance: 3e-3, step_tolerance: 1e-6, thorough: true };
 /// Most tests that are named. A choice of presentation.
 pub(crate) const NAMED_TESTS: usize = 2;
 /// Velocities, closing times and compliances within this share are the same to a test. A choice.

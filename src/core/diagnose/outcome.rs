@@ -4,7 +4,7 @@ use crate::diagnose::limits::WORSE_PREDICTION;
 use crate::diagnose::rest::explanation::Explanation;
 use crate::diagnose::visible::Visible;
 use crate::fit::outcome::fit::{Fit, FittedParameter};
-use crate::fit::outcome::thresholds::DOUBTFUL_ABOVE;
+use crate::fit::search::thresholds::DOUBTFUL_ABOVE;
 use crate::interned::Text;
 use crate::number::probability;
 

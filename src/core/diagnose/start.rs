@@ -12,11 +12,11 @@ use crate::diagnose::circumstances::features;
 use crate::diagnose::measures::evidence_scale;
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
-use crate::fit::outcome::thresholds::DOUBTFUL_ABOVE;
 use crate::fit::problem::error::FitError;
 use crate::fit::progress::{OnProgress, Progress};
 use crate::fit::search::calibrate::calibrate;
 use crate::fit::search::options::Options;
+use crate::fit::search::thresholds::DOUBTFUL_ABOVE;
 use crate::model::effects::Chosen;
 use crate::rig::Rig;
 

@@ -4,14 +4,13 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::diagnose::baseline::{Baseline, window};
 use crate::diagnose::evidence::tempered;
-use crate::diagnose::limits::MOST_REPEATS;
+use crate::diagnose::limits::{DESIGN, MOST_REPEATS};
 use crate::diagnose::next::answer::{Answer, Known};
 use crate::diagnose::next::change::{Change, Stage};
 use crate::fit::data::run_data::{RunData, ShownClosing};
 use crate::fit::numeric::least_squares::{Problem, minimise};
 use crate::fit::outcome::thresholds::STRONG_EVIDENCE;
 use crate::fit::problem::fit_problem::FitProblem;
-use crate::fit::search::thresholds::GRID_REFINEMENT;
 use crate::model::effects::Chosen;
 use crate::model::{ModelError, RunValues};
 use crate::product::dot;
@@ -212,7 +211,7 @@ impl Test<'_> {
         for j in &problem.run_variables(0)[..2] {
             start[*j] = problem.parameters[*j].start;
         }
-        let solution = minimise(&informed, &problem.variables(&start), GRID_REFINEMENT, |_, _| {})?;
+        let solution = minimise(&informed, &problem.variables(&start), DESIGN, |_, _| {})?;
         let told = informed.evidence_rows(&solution.residuals);
         let values = problem.values(&solution.x);
         let traces = problem.modelled(0, &values, self.baseline.reaches)?.traces;

@@ -2,10 +2,5 @@
 
 /// Evidence, as a natural logarithm of odds, that is strong: odds of twenty. Literature: Kass & Raftery (1995).
 pub const STRONG_EVIDENCE: f64 = 3.0;
-/// Error over noise up to which what a fit leaves may be noise. Tuned; data unknown.
-pub(crate) const NOISE_LIKE: f64 = 1.3;
-/// Error over noise above which a model does not explain the records, and its parameters may be wrong. Tuned; data
-/// unknown.
-pub(crate) const DOUBTFUL_ABOVE: f64 = 2.5;
 /// Share of the interval on one side by which profile and linear interval may differ before a reader is warned. Chosen.
 pub(crate) const PROFILE_DIFFERS: f64 = 0.3;

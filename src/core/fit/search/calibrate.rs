@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use crate::fit::data::run_data::RunData;
 use crate::fit::numeric::least_squares::Limits;
 use crate::fit::outcome::fit::Fit;
-use crate::fit::outcome::thresholds::{DOUBTFUL_ABOVE, NOISE_LIKE, STRONG_EVIDENCE};
+use crate::fit::outcome::thresholds::STRONG_EVIDENCE;
 use crate::fit::problem::error::FitError;
 use crate::fit::problem::method::Method;
 use crate::fit::progress::{OnProgress, Progress};
@@ -24,7 +24,8 @@ use crate::fit::search::from_signals::{fit_coarsely, from_signals, growing};
 use crate::fit::search::options::{Effort, Options};
 use crate::fit::search::starts::{proposes_starts, starts_from};
 use crate::fit::search::thresholds::{
-    AS_GOOD_WITHOUT, EVALUATE_ONLY, HOPELESS_SMALLER, HOPELESS_START_RATIO, MOST_REACHES_WITH_CAVITIES, SCREENING,
+    AS_GOOD_WITHOUT, DOUBTFUL_ABOVE, EVALUATE_ONLY, HOPELESS_SMALLER, HOPELESS_START_RATIO, MOST_REACHES_WITH_CAVITIES,
+    SCREENING, SMALLER_ABOVE,
 };
 use crate::model::Model;
 use crate::model::effects::{Chosen, boils, labels_of};
@@ -191,7 +192,7 @@ impl<'a> Fitter<'a> {
     /// # Errors
     /// As [`calibrate`].
     pub fn or_from_signals(&self, fit: Fit) -> Result<Fit, FitError> {
-        if fit.over_noise() <= NOISE_LIKE {
+        if fit.mean_square() <= SMALLER_ABOVE {
             return Ok(fit);
         }
         let anew = self.fit(&fit.effects, Begin::Signals, Effort::Whole)?;
@@ -213,7 +214,7 @@ impl<'a> Fitter<'a> {
             let rest = OneLess::of(self, &fit, i)?;
             let near = self.without_it(&fit, &rest)?;
             // an effect that proposes several starts can have ended beside its optimum
-            let astray = fit.over_noise() > NOISE_LIKE || rest.effects.iter().any(proposes_starts);
+            let astray = fit.mean_square() > SMALLER_ABOVE || rest.effects.iter().any(proposes_starts);
             let far = if astray { self.smaller(&fit, &rest)? } else { None };
             let smaller = [near, far].into_iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost));
             if let Some(smaller) = smaller.filter(|smaller| smaller.cost < fit.cost) {

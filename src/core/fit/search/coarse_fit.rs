@@ -5,14 +5,13 @@ use rayon::prelude::*;
 
 use crate::fit::numeric::least_squares::{Limits, Problem, have_met};
 use crate::fit::outcome::residual_summary::ResidualSummary;
-use crate::fit::outcome::thresholds::DOUBTFUL_ABOVE;
 use crate::fit::problem::error::FitError;
 use crate::fit::problem::fit_problem::FitProblem;
 use crate::fit::search::calibrator::{Calibrator, Estimate};
 use crate::fit::search::starts::{Start, differing, drawn, starts_from, starts_of, take_over, vanish};
 use crate::fit::search::thresholds::{
     COARSE, COARSE_REACHES, EVALUATE_ONLY, FOLLOWED, HOPELESS_START_RATIO, LOCKING, LOCKING_PERIODS, LOCKING_REACHES,
-    LOOKED_AGAIN, MAX_RELEASED, SCREENING,
+    LOOKED_AGAIN, MAX_RELEASED, POOR_FIT_COST, SCREENING,
 };
 use crate::model::effects::labels_of;
 use crate::model::{Model, ModelError};
@@ -51,7 +50,7 @@ fn fitted_coarsely(
     let base = problem.start_values();
     let mut candidates = Vec::new();
     // A good smaller model is the best start; a poor one has its parameters in the wrong places.
-    if smaller.is_none_or(|(small, state)| is_poor(ctx, small, state)) {
+    if smaller.is_none_or(|(_, state)| state.cost > POOR_FIT_COST * problem.samples() as f64) {
         // The fits that are best over the first cycles go on to the whole record.
         let locked = locked(ctx, model, smaller, &base)?;
         candidates.extend(locked.into_iter().take(FOLLOWED + ctx.options.starts / 4).map(|s| s.values));
@@ -235,7 +234,7 @@ pub(crate) fn mean_square(ctx: &Calibrator, model: &Model, state: &Estimate) -> 
 
 /// Whether a coarse fit is too poor to grow a richer one from.
 pub(crate) fn is_poor(ctx: &Calibrator, model: &Model, state: &Estimate) -> bool {
-    mean_square(ctx, model, state) > DOUBTFUL_ABOVE.powi(2)
+    mean_square(ctx, model, state) > 2.0 * POOR_FIT_COST
 }
 
 /// The residuals of a coarse fit, summarised.

@@ -28,6 +28,9 @@ pub(crate) const MAX_RELEASED: usize = 4;
 pub(crate) const LOOKED_AGAIN: f64 = 0.7;
 /// How many fits of the first cycles go on to the whole record. Tuned; data unknown.
 pub(crate) const FOLLOWED: usize = 2;
+/// Cost for each sample above which a fit is too poor to grow a richer one from: four times the variance of noise.
+/// Tuned; data unknown.
+pub(crate) const POOR_FIT_COST: f64 = 2.0;
 /// A start that costs this many times the best fit so far is not descended from. Tuned; data unknown.
 pub(crate) const HOPELESS_START_RATIO: f64 = 30.0;
 /// A few iterations, to see which start is worth more. Tuned; data unknown.
@@ -43,6 +46,9 @@ pub(crate) const COARSE: Limits =
 /// Of a fit of the first cycles: what it leaves undone the next window does. Cost.
 pub(crate) const LOCKING: Limits = Limits { cost_tolerance: 3e-3, ..COARSE };
 
+/// Mean square of what a fit leaves, in units of the noise, above which smaller models are fitted, too. Derived: below,
+/// none can leave less by more than noise.
+pub(crate) const SMALLER_ABOVE: f64 = 2.0;
 /// A smaller model that leaves this many times the bigger one's sum of squares after a few steps from its end is not
 /// fitted further. Cost, and chosen: a few steps more gain less.
 pub(crate) const AS_GOOD_WITHOUT: f64 = 1.02;
@@ -50,6 +56,8 @@ pub(crate) const AS_GOOD_WITHOUT: f64 = 1.02;
 /// Cost, and chosen: the coarse grid may err by as much.
 pub(crate) const HOPELESS_SMALLER: f64 = 1.5;
 
+/// Error over noise of a model above which its parameters may be wrong. Tuned; data unknown.
+pub(crate) const DOUBTFUL_ABOVE: f64 = 3.0;
 /// Finest grid of a fit with cavities among others, in reaches, except near the noise: the spikes of their collapse
 /// belong to the grid. Literature: Bergant, Simpson & Tijsseling (2006) for the fact; the number is tuned; data unknown.
 pub(crate) const MOST_REACHES_WITH_CAVITIES: usize = 128;
@@ -87,6 +95,9 @@ pub(crate) const MIN_WINDOW_SHARE: f64 = 0.05;
 /// Cost of what cannot be simulated: more than of anything that can. Chosen.
 pub(crate) const IMPOSSIBLE_COST: f64 = 1e300;
 
+/// Of one step of a stepwise calibration. Tuned; data unknown.
+pub(crate) const STEP_LIMITS: Limits =
+    Limits { iterations: 12, cost_tolerance: 1e-3, step_tolerance: 1e-6, thorough: false };
 /// Most rounds over the features. Tuned; data unknown.
 pub(crate) const FEATURE_ROUNDS: usize = 6;
 /// Most rounds over the whole record on each grid. Tuned; data unknown.
