@@ -204,23 +204,18 @@ impl Planner<'_> {
 
     fn groups(&mut self, kind: Kind) -> Result<Vec<Group>> {
         let (plan, source) = (self.plan, self.source);
-        let recordings = plan.recordings.iter().chain(plan.case.iter().flat_map(|case| &case.get_ref().recordings));
-        recordings.map(|pattern| self.matched(pattern, true)).collect::<Result<Vec<_>>>()?;
+        let singles = self.all_matched(&plan.recordings)?;
+        let cases = plan.case.iter().map(|case| self.all_matched(&case.get_ref().recordings));
+        let cases = cases.collect::<Result<Vec<_>>>()?;
         let models = self.models(&plan.effects)?;
         let truth = plan.truth.as_ref().map(|t| self.truth(t)).transpose()?;
         let mut groups = Vec::new();
-        for pattern in &plan.recordings {
-            for recording in self.matched(pattern, true)? {
-                let (name, truth) = (recording.name.clone(), truth.clone());
-                groups.push(Group { name, recordings: vec![recording], models: models.clone(), truth });
-            }
+        for recording in singles {
+            let (name, truth) = (recording.name.clone(), truth.clone());
+            groups.push(Group { name, recordings: vec![recording], models: models.clone(), truth });
         }
-        for written in &plan.case {
+        for (written, recordings) in plan.case.iter().zip(cases) {
             let case = written.get_ref();
-            let mut recordings: Vec<Input> = Vec::new();
-            for pattern in &case.recordings {
-                recordings.extend(self.matched(pattern, true)?);
-            }
             let Some(first) = recordings.first() else {
                 return Err(source.fault(written.span(), "a case needs recordings"));
             };
@@ -250,15 +245,17 @@ impl Planner<'_> {
         Ok(groups)
     }
 
-    /// Models with effects of the catalogue, or of the inputs' own.
+    /// Models with effects of the catalogue, or of the inputs' own: these are read until all names are known.
     fn models(&self, lists: &[Spanned<Vec<String>>]) -> Result<Vec<Vec<Chosen>>> {
-        if let Ok(models) = self.source.models(lists) {
-            return Ok(models);
-        }
+        let mut models = self.source.models(lists);
         for path in self.inputs.keys() {
+            if models.is_ok() {
+                break;
+            }
             read_own_effects(path).map_err(|e| self.source.lacks(sentence(&e)))?;
+            models = self.source.models(lists);
         }
-        self.source.models(lists)
+        models
     }
 
     /// An effect of the catalogue, `nothing`, or `unknown` for one that is not in it.
@@ -443,6 +440,12 @@ impl Planner<'_> {
     /// The one file that a key names.
     fn one(&mut self, written: &Spanned<String>) -> Result<Input> {
         self.input(&self.base.join(written.get_ref()), written, false)
+    }
+
+    /// The recordings that the patterns match, in the order of the patterns.
+    fn all_matched(&mut self, patterns: &[Spanned<String>]) -> Result<Vec<Input>> {
+        let found = patterns.iter().map(|pattern| self.matched(pattern, true)).collect::<Result<Vec<_>>>()?;
+        Ok(found.concat())
     }
 
     /// The files that a pattern matches, sorted by name; never none.

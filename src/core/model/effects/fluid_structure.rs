@@ -200,7 +200,7 @@ impl Effect for Floor {
     fn excludes(&self) -> &'static [(&'static str, &'static str)] {
         &[(NAME, TWICE), (DRY, TWICE), ("moving-valve", WHY)]
     }
-    /// How often it is told from the other forms is not measured yet.
+    /// Nobody has measured yet how well a diagnosis tells it from the other forms.
     fn searched(&self) -> bool {
         false
     }
