@@ -6,6 +6,7 @@ pub mod creep;
 pub mod diagnose;
 pub mod extent;
 pub mod fit;
+mod golden;
 pub mod interned;
 pub mod model;
 pub mod number;

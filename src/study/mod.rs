@@ -23,7 +23,6 @@ use crate::diagnose::rest::explanation::Explanation;
 use crate::diagnose::{Diagnosis, diagnose, diagnose_fit, grow};
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
-use crate::fit::problem::error::FitError;
 use crate::fit::progress::{OnProgress, Progress};
 use crate::fit::search::calibrate::{Begin, Fitter};
 use crate::fit::search::options::{Effort, Options};
@@ -249,7 +248,7 @@ impl Study {
     /// A recording with a faulty sensor, a model that cannot be simulated.
     pub fn explain(&self, fit: &Fit) -> Result<Vec<Explanation>> {
         self.recordings.iter().try_for_each(Loaded::require_sound)?;
-        Ok(explain(&self.rig, &self.runs, fit, &options_of(fit), self.watcher()).map_err(FitError::from)?)
+        Ok(explain(&self.rig, &self.runs, fit, &options_of(fit), self.watcher())?)
     }
 
     /// A model with `effects` that grew out of one with those of `start`, both fitted, ready to grow on.

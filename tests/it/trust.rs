@@ -57,7 +57,7 @@ fn record(rig: &Rig) -> RunData {
             noise_m: 0.05,
             total_noise_m: 0.05,
             hum: Vec::new(),
-            oscillation_m: 0.0,
+            lines: Vec::new(),
             offset_sd_m: 0.1,
             saturated: 0,
         }],

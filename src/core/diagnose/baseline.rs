@@ -269,7 +269,7 @@ fn binned(
                     noise_m: sensor.noise_m / (size as f64).sqrt(),
                     total_noise_m: sensor.total_noise_m,
                     hum: sensor.hum.clone(),
-                    oscillation_m: sensor.oscillation_m,
+                    lines: sensor.lines.clone(),
                     sensor: sensor.sensor.clone(),
                     offset_sd_m: sensor.offset_sd_m,
                     saturated: 0,

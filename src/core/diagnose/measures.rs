@@ -19,7 +19,7 @@ pub(crate) fn beyond(fit: &Fit, runs: &[RunData]) -> f64 {
     for (fitted, run) in fit.runs.iter().zip(runs) {
         for (sensor, data) in fitted.sensors.iter().zip(&run.sensors) {
             let samples = sensor.time_s.len() as f64;
-            let square_m2 = sensor.rmse_m.powi(2) - data.oscillation_m.powi(2);
+            let square_m2 = sensor.rmse_m.powi(2) - data.oscillation_m().powi(2);
             sum += samples * (square_m2 / data.total_noise_m.powi(2) - 1.0);
             n += samples;
         }
@@ -78,6 +78,7 @@ mod tests {
     use crate::fit::search::options::Options;
     use crate::model::RunValues;
     use crate::rig::Rig;
+    use crate::signal::Tone;
 
     /// A pump that pulsates in one run excuses that run, by its share of the samples that are compared, and no other.
     #[test]
@@ -90,7 +91,7 @@ mod tests {
         let fit = calibrate(&rig, &runs, &[], &options, &|_| {}).unwrap();
         let quiet = beyond(&fit, &runs);
         assert!(quiet.abs() < 0.1, "{quiet}");
-        runs[0].sensors[0].oscillation_m = 3.0 * 0.05;
+        runs[0].sensors[0].lines = vec![Tone { hz: 3.0, amplitude_m: 3.0 * 2f64.sqrt() * 0.05 }];
         let [short, long] = [0, 1].map(|r: usize| fit.runs[r].sensors[0].time_s.len() as f64);
         let excused = 9.0 * short / (short + long);
         assert!(excused > 1.0 && (quiet - beyond(&fit, &runs) - excused).abs() < 1e-9, "{}", beyond(&fit, &runs));

@@ -95,7 +95,7 @@ pub fn doubts(rig: &Rig, features: &Features) -> Vec<String> {
                 tones.collect::<Vec<_>>().join(", ")
             ));
         }
-        if let Some(line) = &sensor.noise.line {
+        if let Some(line) = sensor.noise.lines.first() {
             found.push(format!(
                 "{} oscillates at {} Hz by {} m even before the closure (a pump, or an alias of something faster): no model of a closure reproduces \
                  that, so it counts as missing physics; stop its source, or filter it before the converter",

@@ -1,9 +1,8 @@
 //! Hum: tones of the mains and of their harmonics, which a sensor's wiring picks up. They stand in its record before
 //! the closure as after it.
 
-use std::f64::consts::TAU;
-
 use crate::robust::NOT_BY_CHANCE;
+use crate::signal::sine::Sine;
 use crate::signal::spectrum::Spectrum;
 
 /// A lasting oscillation.
@@ -51,7 +50,7 @@ pub(crate) fn take_hum(samples: &mut [f64], interval_s: f64) -> Vec<Tone> {
                 let at = spectrum
                     .as_ref()
                     .and_then(|spectrum| strongest(spectrum, samples.len(), [alias - half, alias + half]));
-                let Some(tone) = at.map(|at| sine(&left, at)) else { break };
+                let Some(tone) = at.map(|at| Sine::of(&left, at)) else { break };
                 tone.take(&mut left);
                 spectrum = Spectrum::of(&number, &left);
                 if (tone.cycles_per_sample - alias).abs() <= half {
@@ -81,47 +80,10 @@ fn strongest(spectrum: &Spectrum, samples: usize, [from, to]: [f64; 2]) -> Optio
     (peak > mean * others * (NOT_BY_CHANCE / others).exp_m1()).then_some(at)
 }
 
-/// The sine of a frequency that fits best.
-struct Sine {
-    cycles_per_sample: f64,
-    cosine: f64,
-    sine: f64,
-}
-
-fn sine(samples: &[f64], cycles_per_sample: f64) -> Sine {
-    let [mut cc, mut cs, mut ss, mut cy, mut sy] = [0.0; 5];
-    for (i, y) in samples.iter().enumerate() {
-        let (s, c) = (TAU * cycles_per_sample * i as f64).sin_cos();
-        cc += c * c;
-        cs += c * s;
-        ss += s * s;
-        cy += c * y;
-        sy += s * y;
-    }
-    let determinant = cc * ss - cs * cs;
-    let (cosine, sine) = match determinant > 1e-6 * cc * cc {
-        true => ((cy * ss - sy * cs) / determinant, (sy * cc - cy * cs) / determinant),
-        // at half the rate there is a cosine alone
-        false => (cy / cc.max(f64::MIN_POSITIVE), 0.0),
-    };
-    Sine { cycles_per_sample, cosine, sine }
-}
-
-impl Sine {
-    fn amplitude(&self) -> f64 {
-        self.cosine.hypot(self.sine)
-    }
-
-    fn take(&self, samples: &mut [f64]) {
-        for (i, y) in samples.iter_mut().enumerate() {
-            let (s, c) = (TAU * self.cycles_per_sample * i as f64).sin_cos();
-            *y -= self.cosine * c + self.sine * s;
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::TAU;
+
     use super::*;
     use crate::signal::testing::Gauss;
 

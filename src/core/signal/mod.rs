@@ -5,7 +5,9 @@
 //! | file | what it finds |
 //! | --- | --- |
 //! | `trace` | the head on an even grid, gaps marked |
-//! | `noise` | white and coloured noise, the converter's step |
+//! | `noise` | white and coloured noise, what oscillates in it, the converter's step |
+//! | `coloured` | the likelihood of coloured noise |
+//! | `hum`, `sine` | tones of the mains; one tone |
 //! | `interpolated` | the points of a record that was drawn between them |
 //! | `front` | the first rise and fall of a sensor |
 //! | `onset`, `closure` | when the closure starts and ends |
@@ -25,6 +27,7 @@
 pub(crate) mod between;
 pub mod check;
 pub(crate) mod closure;
+pub(crate) mod coloured;
 pub mod doubts;
 pub(crate) mod error;
 pub(crate) mod extrema;
@@ -42,6 +45,7 @@ pub(crate) mod onset;
 pub mod oscillation;
 pub(crate) mod period;
 pub(crate) mod project;
+pub(crate) mod sine;
 pub mod spectrum;
 pub(crate) mod station;
 #[cfg(test)]

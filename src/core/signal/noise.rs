@@ -2,9 +2,12 @@
 
 use std::borrow::Cow;
 
-use crate::robust::{MEDIAN_TO_SD, median};
+use crate::golden::least_between;
+use crate::robust::{MEDIAN_TO_SD, NOT_BY_CHANCE, median};
+use crate::signal::coloured::log_likelihood;
 use crate::signal::hum::{Tone, take_hum};
 use crate::signal::interpolated::{Corners, corners};
+use crate::signal::sine::{Sine, detrended};
 use crate::signal::spectrum::Spectrum;
 
 /// Disturbance of a pressure sensor before the closure; heads in m.
@@ -27,18 +30,16 @@ pub struct Noise {
     pub hum: Vec<Tone>,
     /// Standard deviations of the white part and about a straight line without the hum, m.
     pub without_hum_m: [f64; 2],
-    /// The part of the rest that is not white, if it is one lasting oscillation: not sensor noise, but something in the
-    /// pipe.
-    pub line: Option<Tone>,
+    /// Lasting oscillations in the rest, the strongest first: not sensor noise, but something in the pipe.
+    pub lines: Vec<Tone>,
+    /// Standard deviations as `without_hum_m`, without these too, m.
+    pub without_tones_m: [f64; 2],
     /// The points between which the record was interpolated, if it was: its noise is theirs.
     pub corners: Option<Corners>,
 }
 
-/// Three limits of an oscillation: the share of the variance that is not white from which it is looked for; the
-/// correlation that it keeps after its first swing; the longest swing, samples.
-const LEAST_SLOW: f64 = 0.3;
-const LINE: f64 = 0.5;
-const LONGEST_LINE_LAG: usize = 2000;
+/// Most lasting oscillations that are looked for: a pump's rotation, its blades, and their harmonics.
+const MOST_LINES: usize = 6;
 /// A shorter lead-in tells nothing about spread or colour.
 const SHORTEST_LEAD: usize = 30;
 /// The colour is estimated from at most this many samples: enough for 1 % of the variance.
@@ -66,7 +67,8 @@ pub(crate) fn noise(lead: &[f64], whole: &[f64], interval_s: f64) -> Noise {
             coloured: true,
             hum: Vec::new(),
             without_hum_m: [white; 2],
-            line: None,
+            lines: Vec::new(),
+            without_tones_m: [white; 2],
             corners: Some(corners),
         };
     }
@@ -81,7 +83,8 @@ pub(crate) fn noise(lead: &[f64], whole: &[f64], interval_s: f64) -> Noise {
             coloured: false,
             hum: Vec::new(),
             without_hum_m: [white; 2],
-            line: None,
+            lines: Vec::new(),
+            without_tones_m: [white; 2],
             corners,
         };
     }
@@ -104,15 +107,15 @@ pub(crate) fn noise(lead: &[f64], whole: &[f64], interval_s: f64) -> Noise {
     }
     let mut rest = residual.clone();
     let hum = take_hum(&mut rest, interval_s);
-    let without_hum_m = match hum[..] {
-        [] => [white_sd_m, total_sd_m],
-        _ => [white_sd(&rest).0.max(floor), spread(&rest).max(floor)],
-    };
-    let line = lasting(&rest, without_hum_m, interval_s);
+    let without = |rest: &[f64]| [white_sd(rest).0.max(floor), spread(rest).max(floor)];
+    let without_hum_m = if hum.is_empty() { [white_sd_m, total_sd_m] } else { without(&rest) };
+    let lines = take_lines(&mut rest, interval_s);
+    let without_tones_m = if lines.is_empty() { without_hum_m } else { without(&rest) };
     Noise {
         hum,
         without_hum_m,
-        line,
+        lines,
+        without_tones_m,
         corners,
         white_sd_m,
         total_sd_m,
@@ -135,26 +138,40 @@ fn autocorrelation(residual: &[f64]) -> impl Fn(usize) -> f64 {
     move |lag| residual.iter().zip(&residual[lag..]).map(|(a, b)| a * b).sum::<f64>() / energy.max(f64::MIN_POSITIVE)
 }
 
-/// The lasting oscillation of a disturbance, if it has one, by the standard deviations of its white part and of all.
-fn lasting(residual: &[f64], [white_sd_m, total_sd_m]: [f64; 2], interval_s: f64) -> Option<Tone> {
-    // The white part is correlated at lag zero only.
-    let slow = (1.0 - (white_sd_m / total_sd_m).powi(2)).max(0.0);
-    if slow <= LEAST_SLOW {
-        return None;
+/// The lasting oscillations of a disturbance, which are taken out of it. One is there where coloured noise and a tone
+/// are more probable than coloured noise alone: the tone has three numbers, of which the frequency is the best of half
+/// as many as there are samples.
+fn take_lines(rest: &mut Vec<f64>, interval_s: f64) -> Vec<Tone> {
+    let mut found = Vec::new();
+    let mut likelihood = log_likelihood(rest);
+    while found.len() < MOST_LINES {
+        let Some((tone, left)) = strongest(rest, interval_s) else { break };
+        let without = log_likelihood(&left);
+        if without - likelihood < NOT_BY_CHANCE + (0.5 * rest.len() as f64).ln() {
+            break;
+        }
+        (*rest, likelihood) = (left, without);
+        found.push(tone);
     }
-    let longest = (residual.len() / 2).min(LONGEST_LINE_LAG);
-    let correlation = autocorrelation(residual);
-    let first_zero = (1..longest).find(|&lag| correlation(lag) < 0.0).unwrap_or(longest);
-    let keeps = |lag: usize| correlation(lag) > LINE * slow * (1.0 - lag as f64 / residual.len() as f64);
-    let lasts = (first_zero..longest).any(keeps);
-    if lasts { strongest(residual, total_sd_m * (2.0 * slow).sqrt(), interval_s) } else { None }
+    found.sort_by(|a, b| b.amplitude_m.total_cmp(&a.amplitude_m));
+    found
 }
 
-/// The strongest oscillation of a disturbance.
-fn strongest(residual: &[f64], amplitude_m: f64, interval_s: f64) -> Option<Tone> {
-    let time_s: Vec<f64> = (0..residual.len()).map(|i| i as f64 * interval_s).collect();
-    let hz = Spectrum::of(&time_s, residual)?.peak_hz(0.0, 0.5 / interval_s)?;
-    Some(Tone { hz, amplitude_m })
+/// The strongest tone of a disturbance, of a cycle or more, and what it leaves.
+fn strongest(rest: &[f64], interval_s: f64) -> Option<(Tone, Vec<f64>)> {
+    let number: Vec<f64> = (0..rest.len()).map(|i| i as f64).collect();
+    let resolution = 1.0 / rest.len() as f64;
+    let at = Spectrum::of(&number, rest)?.peak_hz(resolution, 0.5)?;
+    let left = |cycles: f64| {
+        let (sine, mut left) = (Sine::of(rest, cycles), rest.to_vec());
+        sine.take(&mut left);
+        (sine, left)
+    };
+    let square = |cycles: f64| left(cycles).1.iter().map(|v| v * v).sum();
+    // Half a cycle or less is not told from a straight line that was taken off.
+    let (low, high) = ((at - resolution).max(0.75 * resolution), (at + resolution).min(0.5));
+    let (sine, left) = left(least_between(square, low, high));
+    Some((Tone { hz: sine.cycles_per_sample / interval_s, amplitude_m: sine.amplitude() }, left))
 }
 
 /// Root mean square, or the median estimate if the values have spikes; the second value says whether they have.
@@ -193,21 +210,6 @@ pub(crate) fn white_sd_of_whole(whole: &[f64]) -> f64 {
         middle = second.iter().copied().filter(|d| *d > 0.0).fold(f64::INFINITY, f64::min) / MEDIAN_TO_SD;
     }
     if middle.is_finite() { MEDIAN_TO_SD * middle / 6f64.sqrt() } else { 0.0 }
-}
-
-/// Residuals of a straight line.
-fn detrended(values: &[f64]) -> Vec<f64> {
-    let n = values.len() as f64;
-    let middle = (n - 1.0) / 2.0;
-    let mean = values.iter().sum::<f64>() / n;
-    let (mut xy, mut xx) = (0.0, 0.0);
-    for (i, v) in values.iter().enumerate() {
-        let x = i as f64 - middle;
-        xy += x * (v - mean);
-        xx += x * x;
-    }
-    let slope = if xx > 0.0 { xy / xx } else { 0.0 };
-    values.iter().enumerate().map(|(i, v)| v - mean - slope * (i as f64 - middle)).collect()
 }
 
 /// The step of the grid on which the samples lie, if they do: most differences of neighbouring levels are whole
@@ -301,6 +303,31 @@ mod tests {
         assert!((noise.white_sd_m / 0.05 - 1.0).abs() < 0.1, "{noise:?}");
     }
 
+    /// A slow supply swings once or twice before the closure. Noise that forgets itself in a third of that time, or
+    /// never, swings too, but not as a sine.
+    #[test]
+    fn a_tone_of_few_cycles_is_told_from_slow_noise() {
+        for seed in 1..40 {
+            let mut gauss = Gauss::new(seed);
+            let tone = |i: i32| 0.7 * (std::f64::consts::TAU * 1.7 * f64::from(i) * 1e-3 + 0.1 * seed as f64).sin();
+            let lead: Vec<f64> = (0..850).map(|i| 40.0 + tone(i) + 0.1 * gauss.next()).collect();
+            let found = noise(&lead, &lead, 1e-3);
+            // Rife & Boorstyn 1974: the least standard deviation of a tone alone is 0.004 Hz; the straight line beside it
+            // makes it larger.
+            assert!((found.lines[0].hz - 1.7).abs() < 0.1, "{:?}", found.lines);
+            assert!((found.without_tones_m[1] / 0.1 - 1.0).abs() < 0.1, "{found:?}");
+            for kept in [1.0, (-3.0 / 850f64).exp()] {
+                let mut slow = 0.0;
+                let mut next = || {
+                    slow = kept * slow + 0.03 * gauss.next();
+                    40.0 + slow + 0.1 * gauss.next()
+                };
+                let lead: Vec<f64> = (0..850).map(|_| next()).collect();
+                assert_eq!(noise(&lead, &lead, 1e-3).lines, []);
+            }
+        }
+    }
+
     /// First-order noise forgets itself; a pump's ripple does not.
     #[test]
     fn an_oscillation_is_no_coloured_noise() {
@@ -312,8 +339,8 @@ mod tests {
             lead.push(slow + 0.3 * white);
             ripple.push(3.0 * (f64::from(i) * 0.06).sin() + white);
         }
-        assert!(noise(&lead, &lead, 1e-3).line.is_none() && noise(&lead, &lead, 1e-3).coloured);
-        let line = noise(&ripple, &ripple, 1e-3).line.unwrap();
+        assert!(noise(&lead, &lead, 1e-3).lines.is_empty() && noise(&lead, &lead, 1e-3).coloured);
+        let line = noise(&ripple, &ripple, 1e-3).lines[0];
         assert!((line.hz * 1e-3 * std::f64::consts::TAU - 0.06).abs() < 1e-4, "{line:?}");
         assert!((line.amplitude_m - 3.0).abs() < 0.05, "{line:?}");
     }

@@ -68,7 +68,7 @@ fn sensor(recording: &Recording, s: &SensorFeatures) -> Value {
             "interpolated_share": s.noise.corners.map(|corners| 1.0 - corners.share),
             "hum": s.noise.hum,
             "without_hum": { "white_sd_m": s.noise.without_hum_m[0], "total_sd_m": s.noise.without_hum_m[1] },
-            "line": s.noise.line,
+            "line": s.noise.lines.first(),
         },
         "steady_before_m": estimate(s.steady_before_m),
         "steady_after_m": s.steady_after_m.map(estimate),

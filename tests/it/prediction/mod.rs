@@ -87,7 +87,7 @@ pub(crate) fn creeping_in(of: Noise, rig: &Rig, file: &str, velocity: f64, closi
         noise_m: of.white_m,
         total_noise_m: total_m,
         hum: Vec::new(),
-        oscillation_m: 0.0,
+        lines: Vec::new(),
         offset_sd_m: 0.1,
         saturated: 0,
     });

@@ -163,7 +163,7 @@ impl<'a> Run<'a> {
             let before = at(-period_s)..at(-0.02 * period_s);
             if !before.is_empty() {
                 // Slow noise and what oscillates hardly average out over a period.
-                let variance = white / before.len() as f64 + slow + sensor.oscillation_m.powi(2) + of_model;
+                let variance = white / before.len() as f64 + slow + sensor.oscillation_m().powi(2) + of_model;
                 rows.push(Row { sensor: s, cell: None, sd_m: variance.sqrt() });
                 samples.push(before);
             }

@@ -31,16 +31,19 @@ use crate::diagnose::rest::explanation::{Explanation, Site};
 use crate::diagnose::rest::law::{Followed, law_of};
 use crate::diagnose::rest::places::{Spot, places};
 use crate::diagnose::rest::pulse::REACH;
-use crate::diagnose::rest::ranking::{Contender, contenders, doubt, normal};
-use crate::diagnose::rest::resolution::times;
+use crate::diagnose::rest::ranking::{Contender, contenders, doubt, normal, resolved};
+use crate::diagnose::rest::resolution::{coarsest, resolutions};
 use crate::diagnose::rest::response::{met, response};
 use crate::diagnose::rest::waveform::Waveform;
 use crate::diagnose::rest::words::{Look, sentence};
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
 use crate::fit::outcome::thresholds::STRONG_EVIDENCE;
+use crate::fit::problem::error::FitError;
 use crate::fit::progress::{OnProgress, Progress};
-use crate::fit::search::options::Options;
+use crate::fit::search::calibrate::{Begin, Fitter};
+use crate::fit::search::from_signals::growing;
+use crate::fit::search::options::{Effort, Options};
 use crate::fit::search::thresholds::COARSE_REACHES;
 use crate::model::{Model, ModelError, stop};
 use crate::rig::Rig;
@@ -49,17 +52,19 @@ use crate::rig::Rig;
 /// told from it. Nothing where nothing is left.
 ///
 /// # Errors
-/// As [`Model::simulate`].
+/// As [`Fitter::fit`].
 pub fn explain(
     rig: &Rig,
     runs: &[RunData],
     fit: &Fit,
     options: &Options,
     progress: &OnProgress<'_>,
-) -> Result<Vec<Explanation>, ModelError> {
+) -> Result<Vec<Explanation>, FitError> {
     if fit.mean_square() < 1.0 + least_fall(runs) {
         return Ok(Vec::new());
     }
+    let without_lines = fit_without_lines(rig, runs, fit, options, progress)?;
+    let fit = without_lines.as_ref().unwrap_or(fit);
     progress(&Progress::from("what would explain the rest"));
     let model = Model::new(rig, &runs[0].conditions.water, &fit.effects);
     let model = model.constrained(&options.constraints).informed(&options.priors);
@@ -70,8 +75,10 @@ pub fn explain(
     for r in 0..runs.len() {
         let again = || Run::new(&model, &runs[r..=r], fit, coarse);
         let mut run = again()?;
-        doubt(&mut run)?;
-        let (times, spots) = (times(&run)?, places(rig, &run));
+        let whole = coarsest(&run);
+        doubt(&mut run, &whole)?;
+        let spots = places(rig, &run);
+        let times = resolved(&run, &spots, &resolutions(&run))?;
         let found = contenders(run, again, &spots, &times)?;
         // What no forcing leaves is judged where the variables are best without.
         let nothing = found.iter().map(|c| c.nothing.evidence).fold(f64::NEG_INFINITY, f64::max);
@@ -104,7 +111,34 @@ pub fn explain(
         .map(|(i, kind)| (kind, shared.filter(|_| i == 0 || alike == Some(i)).unwrap_or_else(|| probability(kind))))
         .collect();
     shown.sort_by(|a, b| b.1.total_cmp(&a.1).then(b.0.is_supply().cmp(&a.0.is_supply())));
-    shown.into_iter().filter_map(|(kind, probability)| described(kind, probability).transpose()).collect()
+    Ok(shown
+        .into_iter()
+        .filter_map(|(kind, probability)| described(kind, probability).transpose())
+        .collect::<Result<_, _>>()?)
+}
+
+/// The fit to what the runs hold beside the tones that stand before the closure, which are integrated out as hum is:
+/// otherwise they pull the variables away, and hide elements of creep, which would pass for a strain of the wall. None
+/// where there are no such tones.
+fn fit_without_lines(
+    rig: &Rig,
+    runs: &[RunData],
+    fit: &Fit,
+    options: &Options,
+    progress: &OnProgress<'_>,
+) -> Result<Option<Fit>, FitError> {
+    if runs.iter().flat_map(|run| &run.sensors).all(|sensor| sensor.lines.is_empty()) {
+        return Ok(None);
+    }
+    let mut quiet = runs.to_vec();
+    quiet.iter_mut().flat_map(|run| &mut run.sensors).for_each(|sensor| sensor.hum.extend(&sensor.lines));
+    let fitter = Fitter::new(rig, &quiet, options, progress);
+    let from = |begin| fitter.fit(&fit.effects, begin, Effort::Whole);
+    let (on, anew) = (from(Begin::At(&fit.values()))?, from(Begin::Signals)?);
+    let best = if anew.mean_square() < on.mean_square() { anew } else { on };
+    let Some(i) = growing(&best.effects) else { return Ok(Some(best)) };
+    let most = best.effects[i].effect.elements().map_or(1, |range| *range.end());
+    fitter.with_more_elements(&best, i, most, Effort::Converged).map(Some)
 }
 
 /// A kind of place in the runs that have it, each with its times and the evidence over no forcing.

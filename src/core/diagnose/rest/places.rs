@@ -50,6 +50,12 @@ impl Spot {
         }
     }
 
+    /// Whether it is nearer to the middle of its pipe than another place there; any other place is as near as itself.
+    pub(crate) fn is_nearer_the_middle_than(&self, other: &Spot, rig: &Rig) -> bool {
+        let off_m = |spot: &Spot| spot.position_m().map(|at| (at - 0.5 * rig.line_length_m(spot.line(rig))).abs());
+        off_m(self) <= off_m(other)
+    }
+
     /// Its kind in words that are the same in all runs.
     pub(crate) fn name(&self, run: &Run) -> String {
         match self {

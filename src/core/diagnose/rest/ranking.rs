@@ -10,7 +10,6 @@ use crate::diagnose::evidence::tempered;
 use crate::diagnose::rest::cells::{Run, Times};
 use crate::diagnose::rest::inverse::{Data, Errors, Found, Normal, PROCESSES, Process, columns};
 use crate::diagnose::rest::places::Spot;
-use crate::diagnose::rest::resolution::coarsest;
 use crate::diagnose::rest::response::response;
 use crate::diagnose::rest::waveform::{CYCLES, KNOTS_A_CYCLE};
 use crate::fit::numeric::least_squares::Problem;
@@ -106,16 +105,15 @@ fn data(run: &Run, times: &Times, errors: Errors) -> Result<(Data, Vec<(f64, f64
 ///
 /// # Errors
 /// As [`Run::left_in`].
-pub(crate) fn doubt(run: &mut Run) -> Result<(), ModelError> {
-    let times = coarsest(run);
+pub(crate) fn doubt(run: &mut Run, times: &Times) -> Result<(), ModelError> {
     for _ in 0..DOUBTS {
-        let cells = run.rows(&times);
+        let cells = run.rows(times);
         let left = run.left_in(&run.x, &cells, true)?;
         let left: Vec<f64> = left.iter().zip(&cells.0).map(|(l, row)| l / row.sd_m).collect();
-        let (data, reach) = data(run, &times, Errors::of(&left))?;
+        let (data, reach) = data(run, times, Errors::of(&left))?;
         let alone = Normal::of(&data, Vec::new(), 0);
-        let moves = alone.best(PROCESSES[0], QUICK).and_then(|found| alone.moves(&found));
-        run.step(&steps(&moves.unwrap_or_default(), &reach));
+        let moves = alone.best(PROCESSES[0], QUICK).and_then(|found| alone.moves(&found)).unwrap_or_default();
+        run.step(&steps(&moves, &reach));
     }
     Ok(())
 }
@@ -132,6 +130,31 @@ fn steps(moves: &[f64], reach: &[(f64, f64)]) -> Vec<f64> {
 pub(crate) fn normal(run: &Run, data: &Data, spot: &Spot, times: &Times) -> Result<Normal, ModelError> {
     let response = response(run, spot, times)?;
     Ok(Normal::of(data, columns(data, &response, times), response.len()))
+}
+
+/// Those of the `times` at which a forcing, wherever it is, gains most evidence over none. Where finer knots end before
+/// the record does, they gain nothing from what comes later. One place of each kind is looked at.
+///
+/// # Errors
+/// As [`Run::left_in`].
+pub(crate) fn resolved(run: &Run, spots: &[Spot], times: &[Times]) -> Result<Times, ModelError> {
+    let mut kinds: Vec<&Spot> = Vec::new();
+    for spot in spots {
+        match kinds.iter_mut().find(|kind| kind.is_alike(spot)) {
+            Some(kind) if kind.is_nearer_the_middle_than(spot, run.problem.model.rig) => {}
+            Some(kind) => *kind = spot,
+            None => kinds.push(spot),
+        }
+    }
+    let gain = |times: &Times| -> Result<f64, ModelError> {
+        let data = data(run, times, Errors::BELIEVED)?.0;
+        let without = Normal::of(&data, Vec::new(), 0).best(PROCESSES[1], QUICK).map_or(0.0, |found| found.evidence);
+        let with = |spot: &&Spot| Some(normal(run, &data, spot, times).ok()?.best(PROCESSES[1], QUICK)?.evidence);
+        Ok(kinds.par_iter().filter_map(with).reduce(|| f64::NEG_INFINITY, f64::max) - without)
+    };
+    let gains = times.iter().map(|times| Ok((gain(times)?, *times))).collect::<Result<Vec<_>, ModelError>>()?;
+    let best = gains.into_iter().max_by(|a, b| a.0.total_cmp(&b.0));
+    Ok(best.map_or(times[0], |(_, times)| times))
 }
 
 /// The contenders of a run that is in [`doubt`]: of each kind of place the best one, with the model's variables where

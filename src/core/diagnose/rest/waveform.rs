@@ -3,6 +3,7 @@
 use std::f64::consts::TAU;
 
 use crate::fit::data::run_data::RunData;
+use crate::golden::least_between;
 
 /// A forcing begins where it exceeds so many of its errors, at two knots in turn.
 const ERRORS: f64 = 4.0;
@@ -89,16 +90,6 @@ fn tone(time_s: &[f64], value: &[f64], hz: f64) -> Option<(f64, f64, f64)> {
     }
     let x = m.cholesky()?.solve(&r);
     Some((x[0], x[1], square - x.dot(&r)))
-}
-
-/// The minimum of a function between two values (golden section, Kiefer 1953).
-fn least_between(of: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
-    let golden = 0.5 * (5f64.sqrt() - 1.0);
-    for _ in 0..40 {
-        let (a, b) = (high - golden * (high - low), low + golden * (high - low));
-        if of(a) < of(b) { high = b } else { low = a }
-    }
-    0.5 * (low + high)
 }
 
 /// Whether sensors show a tone near `hz` before the closure; none where no record holds a cycle.

@@ -34,11 +34,10 @@ pub fn prepare(file: &str, rig: &Rig, recording: &Recording, features: &Features
         let offset_sd_m =
             full_scale_error_m(&sensor, density).unwrap_or(DEFAULT_OFFSET_SHARE * rise_m).max(seen.noise.white_sd_m);
         // A noiseless record still has errors of its own; without a floor its weights would be infinite.
-        let [white_sd_m, total_sd_m] = seen.noise.without_hum_m;
+        let [white_sd_m, total_sd_m] = seen.noise.without_tones_m;
         let noise_m = white_sd_m.max(1e-5 * rise_m);
         // What oscillates in the pipe is no noise.
-        let total_noise_m = if seen.noise.line.is_some() { noise_m } else { total_sd_m.max(noise_m) };
-        let oscillation_m = seen.noise.line.map_or(0.0, |line| line.amplitude_m * std::f64::consts::FRAC_1_SQRT_2);
+        let total_noise_m = total_sd_m.max(noise_m);
         sensors.push(SensorData {
             sensor,
             time_s,
@@ -46,7 +45,7 @@ pub fn prepare(file: &str, rig: &Rig, recording: &Recording, features: &Features
             noise_m,
             total_noise_m,
             hum: seen.noise.hum.clone(),
-            oscillation_m,
+            lines: seen.noise.lines.clone(),
             offset_sd_m,
             saturated,
         });

@@ -22,9 +22,8 @@ pub struct SensorData {
     pub total_noise_m: f64,
     /// Tones of the mains that its wiring picks up.
     pub hum: Vec<Tone>,
-    /// Root mean square of a lasting oscillation in the pipe before the closure, as of a pump, m: no model of a closure
-    /// follows it.
-    pub oscillation_m: f64,
+    /// Lasting oscillations in the pipe before the closure, as of a pump: no model of a closure follows them.
+    pub lines: Vec<Tone>,
     /// Standard deviation of its zero error, m.
     pub offset_sd_m: f64,
     /// Number of samples at the end of its range, which are left out: the true pressure went beyond.
@@ -32,6 +31,11 @@ pub struct SensorData {
 }
 
 impl SensorData {
+    /// Root mean square of what oscillates in the pipe before the closure, m.
+    pub fn oscillation_m(&self) -> f64 {
+        self.lines.iter().map(|line| 0.5 * line.amplitude_m.powi(2)).sum::<f64>().sqrt()
+    }
+
     /// Standard deviation of its gain error: an accuracy is a limit, below which all errors are equally likely (JCGM
     /// 100:2008, 4.3.7).
     pub fn gain_sd(&self) -> f64 {

@@ -99,8 +99,8 @@ mod tests {
     fn sensor(head_m: Vec<f64>, time_s: Vec<f64>, hum: Vec<Tone>) -> SensorData {
         let rig = Rig::from_toml(crate::fit::problem::test_record::HDPE, "rig.toml").unwrap();
         let sensor = rig.sensors[0].clone();
-        let (noise_m, total_noise_m, oscillation_m, offset_sd_m, saturated) = (0.1, 0.1, 0.0, 0.2, 0);
-        SensorData { sensor, time_s, head_m, noise_m, total_noise_m, hum, oscillation_m, offset_sd_m, saturated }
+        let (noise_m, total_noise_m, lines, offset_sd_m, saturated) = (0.1, 0.1, Vec::new(), 0.2, 0);
+        SensorData { sensor, time_s, head_m, noise_m, total_noise_m, hum, lines, offset_sd_m, saturated }
     }
 
     /// The map is the inverse square root of the covariance of noise and hum: `W (I + Q s² Qᵀ) W = I`.

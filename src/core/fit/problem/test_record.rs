@@ -82,7 +82,7 @@ pub(crate) fn record(
             noise_m,
             total_noise_m: noise_m,
             hum: Vec::new(),
-            oscillation_m: 0.0,
+            lines: Vec::new(),
             offset_sd_m: 0.2,
             saturated: 0,
         }],

@@ -130,7 +130,7 @@ mod tests {
                     noise_m: 0.05,
                     total_noise_m: 0.05,
                     hum: Vec::new(),
-                    oscillation_m: 0.0,
+                    lines: Vec::new(),
                     offset_sd_m: 0.3,
                     saturated: 0,
                 }

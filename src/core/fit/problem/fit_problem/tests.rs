@@ -49,7 +49,7 @@ fn run(rig: &Rig, file: &str) -> RunData {
             noise_m: 0.05,
             total_noise_m: 0.05,
             hum: Vec::new(),
-            oscillation_m: 0.0,
+            lines: Vec::new(),
             offset_sd_m: 0.2,
             saturated: 0,
         })
