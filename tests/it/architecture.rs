@@ -6,7 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The rooms from the cellar up. A room may use what stands before it, with the exceptions below.
-const ROOMS: [&str; 34] = [
+const ROOMS: [&str; 35] = [
     "units",
     "interned",
     "number",
@@ -14,6 +14,7 @@ const ROOMS: [&str; 34] = [
     "text_file",
     "robust",
     "extent",
+    "golden",
     "wide",
     "product",
     "rig",
