@@ -46,6 +46,7 @@ def test_ctrl_c_ends_a_call_at_once_and_leaves_nothing_at_work(study: ss.Study, 
     assert time.process_time() - before < 0.1
 
 
+@pytest.mark.night
 def test_progress_is_told_and_may_end_the_call(study: ss.Study) -> None:
     heard: list[ss.Progress] = []
     study.diagnose("none", most_reaches=32, progress=heard.append)
@@ -104,6 +105,7 @@ def test_threads_fit_side_by_side(study: ss.Study) -> None:
     assert len(found) == 4 and len(set(found)) == 1
 
 
+@pytest.mark.night
 def test_memory_stays_as_it_is_over_ten_thousand_calls() -> None:
     rig = ss.Rig.load(RIGS / "demo-hdpe.toml")
     times_s = np.linspace(0.0, 0.05, 50)

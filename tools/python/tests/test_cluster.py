@@ -20,6 +20,7 @@ def simulated(rig: ss.Rig, speed: float) -> float:
     return float(ss.simulate(rig, set={"wave_speed_m_s": speed}, times_s=[0.5])["P1"][0])
 
 
+@pytest.mark.night
 def test_dask_maps_over_studies_fits_and_rigs(study: ss.Study) -> None:
     from dask.distributed import Client, LocalCluster
 

@@ -40,6 +40,7 @@ def test_scipy_ends_where_calibrate_ends() -> None:
     assert np.max(np.abs(told["apart"])) < 0.1, told["apart"]
 
 
+@pytest.mark.night
 def test_the_sampled_posterior_is_the_gaussian_one_and_narrower_than_the_intervals() -> None:
     told = ran("posterior")
     # some 400 independent draws: 3.5% of a width, and of the mean 0.05 of it; the grids of 64 and 128 reaches are one width apart
