@@ -2,9 +2,9 @@
 //!
 //! Vehtari, Gelman, Simpson, Carpenter & Bürkner 2021 (Bayesian Anal. 16, 667): draws become normal scores of their
 //! ranks, and chains are split in halves. R̂ compares the variance between with that within. Of many short chains it is
-//! taken between ensembles, whose chains have no memory of each other (nested R̂: Margossian et al. 2024, Bayesian
+//! taken between groups, whose chains have no memory of each other (nested R̂: Margossian et al. 2024, Bayesian
 //! Anal., doi 10.1214/24-BA1453): between single ones it would ask for as many draws of each. A chain that stays apart
-//! from the others of its ensemble shows in the number of independent draws, which follows from autocorrelations,
+//! from the others of its group shows in the number of independent draws, which follows from autocorrelations,
 //! summed as far as Geyer's (1992) initial monotone sequence goes. Each is that of the worst of the draws, of their
 //! distances from the median or whether they lie in a tail.
 
@@ -20,8 +20,8 @@ pub(crate) struct Convergence {
 }
 
 impl Convergence {
-    /// Of chains of equal length, of at least four draws: those of so many `ensembles`, one after the other.
-    pub(crate) fn of(chains: &[Vec<f64>], ensembles: usize) -> Self {
+    /// Of chains of equal length, of at least four draws: those of so many `groups`, one after the other.
+    pub(crate) fn of(chains: &[Vec<f64>], groups: usize) -> Self {
         let split: Vec<&[f64]> = chains.iter().flat_map(|c| [&c[..c.len() / 2], &c[c.len() - c.len() / 2..]]).collect();
         let mut sorted: Vec<f64> = split.concat();
         sorted.sort_by(f64::total_cmp);
@@ -39,7 +39,7 @@ impl Convergence {
         let effective = |chains: &Vec<Vec<f64>>| effective_draws(chains);
         let worst = tails.iter().chain([&ranks]).map(effective).fold(f64::INFINITY, f64::min);
         let folded = scores(&folded, &sorted_folded);
-        let [r_hat, of_spread] = [&ranks, &folded].map(|scores| nested_r_hat(scores, ensembles));
+        let [r_hat, of_spread] = [&ranks, &folded].map(|scores| nested_r_hat(scores, groups));
         Convergence { r_hat: r_hat.max(of_spread), effective_draws: worst }
     }
 }
@@ -73,11 +73,11 @@ fn variances(chains: &[Vec<f64>]) -> (f64, f64) {
     (within, within * (n - 1.0) / n + between)
 }
 
-/// Of split chains: the first halves of an ensemble's chains count as one, and the second.
-fn nested_r_hat(split: &[Vec<f64>], ensembles: usize) -> f64 {
-    let of_ensemble = split.chunks(split.len().div_ceil(ensembles));
+/// Of split chains: the first halves of a group's chains count as one, and the second.
+fn nested_r_hat(split: &[Vec<f64>], groups: usize) -> f64 {
+    let of_group = split.chunks(split.len().div_ceil(groups));
     let halves =
-        of_ensemble.flat_map(|own| [0, 1].map(|half| own.iter().skip(half).step_by(2).flatten().copied().collect()));
+        of_group.flat_map(|own| [0, 1].map(|half| own.iter().skip(half).step_by(2).flatten().copied().collect()));
     let (within, all) = variances(&halves.collect::<Vec<Vec<f64>>>());
     (all / within).sqrt()
 }
@@ -116,7 +116,7 @@ mod tests {
     use super::*;
     use crate::fit::numeric::population::normal;
 
-    /// Chains of a first-order autoregression, four of each of two ensembles.
+    /// Chains of a first-order autoregression, four of each of two groups.
     fn chains(correlation: f64) -> Vec<Vec<f64>> {
         let mut random = fastrand::Rng::with_seed(5);
         let mut one = |_| {
@@ -135,7 +135,7 @@ mod tests {
     fn correlated_draws_count_as_fewer() {
         for (correlation, share) in [(0.0, 1.0f64), (0.6, 0.25), (0.9, 1.0 / 19.0)] {
             let found = Convergence::of(&chains(correlation), 2);
-            // the means of four half ensembles of so many draws scatter by chance
+            // the means of four half groups of so many draws scatter by chance
             let by_chance = (1.0 + 21.7 / (16_000.0 * share)).sqrt();
             assert!((0.999..by_chance).contains(&found.r_hat), "{correlation}: {found:?}");
             let bulk = effective_draws(&chains(correlation)) / 16_000.0;
@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn ensembles_that_differ_are_noticed() {
+    fn groups_that_differ_are_noticed() {
         let with = |change: &dyn Fn(f64) -> f64| {
             let mut chains = chains(0.5);
             chains[..4].iter_mut().flatten().for_each(|v| *v = change(*v));

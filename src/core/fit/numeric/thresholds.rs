@@ -54,17 +54,17 @@ pub(crate) const UNDETERMINED_EIGENVALUE: f64 = 1e-13;
 /// Part of a variable in such a combination from which on the variable is undetermined, too. Chosen.
 pub(crate) const UNDETERMINED_PART: f64 = 1e-4;
 
-/// Share of a walker's moves that lean on the normal density. Chosen.
-pub(crate) const NORMAL_MOVE_SHARE: f64 = 0.5;
-/// Shortest random step of such a move, in standard deviations; the longest is one, and their logarithms are even.
+/// Share of a chain's steps that propose all anew. Chosen: in a bent valley nearly all of them are made.
+pub(crate) const WHOLE_MOVE_SHARE: f64 = 0.8;
+/// Shortest random step of the others, in standard deviations; the longest is one, and their logarithms are even.
 /// Chosen.
 pub(crate) const LEAST_NORMAL_MOVE: f64 = 0.2;
-/// Share of a walker's other moves that go towards or away from another, the mix of emcee 3 (Foreman-Mackey et
-/// al. 2019).
-pub(crate) const SNOOKER_SHARE: f64 = 0.2;
-/// Length of such a move (ter Braak & Vrugt 2008).
-pub(crate) const SNOOKER_STEP: f64 = 1.7;
-/// Share of the other moves that go by a whole difference, from one basin to another (ter Braak 2006).
-pub(crate) const LONG_MOVE_SHARE: f64 = 0.1;
-/// Half the range of a random factor on a move's length, so that walkers do not stay on a lattice. Chosen.
-pub(crate) const MOVE_JITTER: f64 = 0.1;
+/// Random lines along which given variables are drawn anew, for each of them. Chosen.
+pub(crate) const LINES_PER_VARIABLE: usize = 10;
+/// Distance from the data aimed at that counts as reached, in standard deviations. Chosen: it moves no quantile that a
+/// thousand draws show.
+pub(crate) const AIM_REACHED: f64 = 0.03;
+/// Steps towards an aim before it is given up. Chosen: twice what most take.
+pub(crate) const MOST_SOLVING_STEPS: usize = 12;
+/// Steps of variables cut off at bounds or halved, after which the aim lies out of bounds. Chosen.
+pub(crate) const MOST_CUT_STEPS: usize = 6;

@@ -26,11 +26,11 @@ pub struct Posterior {
     pub effective_draws: f64,
     /// Effective draws that were asked for.
     pub wanted: usize,
-    /// Chains, of two ensembles that know nothing of each other.
+    /// Chains, which know nothing of each other.
     pub chains: usize,
-    /// Draws of each chain that count: the second half.
+    /// Draws of each chain that count: all but the first quarter.
     pub sweeps: usize,
-    /// Share of the moves that were made.
+    /// Share of the steps that were made.
     pub acceptance: f64,
     /// Simulations that it took.
     pub evaluations: usize,

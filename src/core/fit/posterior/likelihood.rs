@@ -12,10 +12,13 @@
 //! as large as believed, and nothing else disturbs, `-2 log L = rᵀr`. Priors are rows of the residuals, hum has been
 //! integrated out of them, and a bound is where `L` ends.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, RowDVector};
 
 use crate::fit::inference::errors::{Errors, Linearised};
 use crate::fit::numeric::least_squares::{Problem, jacobian};
+use crate::fit::numeric::randomised::{Density, Shown};
 use crate::fit::numeric::thresholds::{UNDETERMINED_EIGENVALUE, UNDETERMINED_PART};
 use crate::fit::numeric::uncertainty::Normal;
 use crate::fit::problem::fit_problem::FitProblem;
@@ -25,6 +28,8 @@ use crate::product::dot;
 /// See the module.
 pub(crate) struct Likelihood<'a> {
     problem: &'a FitProblem<'a>,
+    /// The same on a grid of half the reaches, for slopes elsewhere than at the fit.
+    coarser: &'a FitProblem<'a>,
     /// The variables that may move.
     pub(crate) free: Vec<usize>,
     /// All variables at the fit.
@@ -44,16 +49,21 @@ pub(crate) struct Likelihood<'a> {
     /// Its inverse over what the residuals show: how far a step of the free variables goes along each vector of the
     /// basis.
     ahead: DMatrix<f64>,
-    /// Steps of the free variables that the residuals do not show.
-    open: Vec<DVector<f64>>,
-    /// Which free variables such a step moves.
+    /// Which free variables a step moves that the residuals do not show.
     is_open: Vec<bool>,
+    /// How many were taken so far.
+    pub(crate) simulations: AtomicUsize,
 }
 
 impl<'a> Likelihood<'a> {
-    /// Of a `problem` at the variables `centre`; `coarser` are the residuals there on a grid of half the reaches. None
+    /// Of a `problem` at the variables `centre`; `coarser` is the same on a grid of half the reaches. None
     /// where the noise or the slopes are not finite, or nothing may move.
-    pub(crate) fn of(problem: &'a FitProblem<'a>, centre: &[f64], coarser: &[f64]) -> Result<Option<Self>, ModelError> {
+    pub(crate) fn of(
+        problem: &'a FitProblem<'a>,
+        coarser: &'a FitProblem<'a>,
+        centre: &[f64],
+    ) -> Result<Option<Self>, ModelError> {
+        let on_coarser = coarser.residuals(centre)?;
         let residuals = problem.residuals(centre)?;
         let columns = jacobian(problem, centre, &residuals)?;
         let (lower, upper) = problem.bounds();
@@ -64,17 +74,15 @@ impl<'a> Likelihood<'a> {
         }
         let eigen = matrix.symmetric_eigen();
         let least = UNDETERMINED_EIGENVALUE * eigen.eigenvalues.max();
-        let (mut basis, mut back, mut ahead, mut open) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let (mut basis, mut back, mut ahead) = (Vec::new(), Vec::new(), Vec::new());
         let mut is_open = vec![false; free.len()];
         for (value, vector) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
-            let step = DVector::from_fn(free.len(), |a, _| vector[a] / scale[a]);
             if *value <= least {
-                open.push(step);
                 vector.iter().zip(&mut is_open).for_each(|(v, open)| *open |= v.abs() > UNDETERMINED_PART);
                 continue;
             }
             ahead.push(RowDVector::from_fn(free.len(), |_, a| vector[a] * scale[a] * value.sqrt()));
-            let step = step / value.sqrt();
+            let step = DVector::from_fn(free.len(), |a, _| vector[a] / (scale[a] * value.sqrt()));
             let mut along = vec![0.0; residuals.len()];
             for (&j, by) in free.iter().zip(step.iter()) {
                 along.iter_mut().zip(&columns[j]).for_each(|(q, c)| *q += by * c);
@@ -100,12 +108,13 @@ impl<'a> Likelihood<'a> {
         let errors = Errors::of(Linearised { elsewhere: counts.as_deref(), ..linearised });
         let inflation = errors.taken / basis.len() as f64;
         // As for errors, half of what the last halving of the grid's step changed.
-        let change: Vec<f64> = residuals.iter().zip(coarser).map(|(f, c)| 0.5 * (f - c)).collect();
+        let change: Vec<f64> = residuals.iter().zip(&on_coarser).map(|(f, c)| 0.5 * (f - c)).collect();
         let by_grid: Vec<f64> = basis.iter().map(|q| dot(q, &change)).collect();
         let Some(factor) = errors.and(&by_grid).covariance.cholesky() else { return Ok(None) };
         let z = projected(&basis, &residuals);
         let mut likelihood = Likelihood {
             problem,
+            coarser,
             free,
             centre: centre.to_vec(),
             at_centre: 0.0,
@@ -115,19 +124,14 @@ impl<'a> Likelihood<'a> {
             inflation,
             back: DMatrix::from_columns(&back),
             ahead: DMatrix::from_rows(&ahead),
-            open,
             is_open,
+            simulations: AtomicUsize::new(0),
         };
         likelihood.at_centre = likelihood.log_of(&residuals, &likelihood.z);
         Ok(Some(likelihood).filter(|l| l.at_centre.is_finite()))
     }
 
-    /// Logarithm of the likelihood of free variables; minus infinity out of bounds, and where nothing can be simulated.
-    pub(crate) fn log(&self, free: &[f64]) -> f64 {
-        self.seen(free).map_or(f64::NEG_INFINITY, |(log, _)| log)
-    }
-
-    /// The same, with `z`; none where it is zero.
+    /// Logarithm of the likelihood of free variables, and `z`; none out of bounds, and where nothing can be simulated.
     fn seen(&self, free: &[f64]) -> Option<(f64, DVector<f64>)> {
         let (lower, upper) = self.problem.bounds();
         let mut inside = self.free.iter().zip(free).map(|(&j, x)| (lower[j]..=upper[j]).contains(x));
@@ -142,6 +146,10 @@ impl<'a> Likelihood<'a> {
     fn log_of(&self, residuals: &[f64], z: &DVector<f64>) -> f64 {
         let rest = (dot(residuals, residuals) - z.norm_squared()).max(0.0);
         -0.5 * (z.dot(&self.factor.solve(z)) + rest / self.inflation)
+    }
+
+    fn whitened(&self, z: DVector<f64>) -> Option<DVector<f64>> {
+        self.factor.l_dirty().solve_lower_triangular(&z)
     }
 
     /// All variables where the free ones are these.
@@ -160,20 +168,6 @@ impl<'a> Likelihood<'a> {
     pub(crate) fn bounds(&self) -> Vec<(f64, f64)> {
         let (lower, upper) = self.problem.bounds();
         self.free.iter().map(|&j| (lower[j], upper[j])).collect()
-    }
-
-    /// Steps of the free variables, a column each: what a vector of independent standard normal numbers is multiplied
-    /// by to become a draw of the linearised likelihood about the fit, and `share` of the range along what the data
-    /// leave open.
-    pub(crate) fn spread(&self, share: f64) -> DMatrix<f64> {
-        let bounds = self.bounds();
-        let scaled = |open: &DVector<f64>| {
-            let room = |(a, (lower, upper)): (usize, &(f64, f64))| (upper - lower) / open[a].abs();
-            open * (share * bounds.iter().enumerate().map(room).fold(f64::INFINITY, f64::min))
-        };
-        let determined = &self.back * self.factor.l();
-        let columns = determined.column_iter().map(|c| c.into_owned()).chain(self.open.iter().map(scaled));
-        DMatrix::from_columns(&columns.collect::<Vec<_>>())
     }
 
     /// The displacement of all free variables that the linearised likelihood expects where variable `a` of them stands
@@ -195,6 +189,26 @@ impl<'a> Likelihood<'a> {
         let there: Vec<f64> = start.iter().zip(by.iter()).map(|(x, b)| x - b).collect();
         let (log, _) = self.seen(&there)?;
         Some((there, 2.0 * (self.at_centre - log)))
+    }
+}
+
+/// The data are `z`, whitened by `B`.
+impl Density for Likelihood<'_> {
+    fn shown(&self, x: &[f64]) -> Option<Shown> {
+        self.simulations.fetch_add(1, Ordering::Relaxed);
+        let residuals = self.problem.residuals(&self.all(x)).ok()?;
+        let z = projected(&self.basis, &residuals);
+        let rest = 0.5 * (dot(&residuals, &residuals) - z.norm_squared()).max(0.0) / self.inflation;
+        Some(Shown { data: self.whitened(z)?, rest })
+    }
+
+    /// On the coarser grid, a quarter of the work: what it changes in their determinant is about the same everywhere.
+    fn slopes(&self, x: &[f64]) -> Option<DMatrix<f64>> {
+        self.simulations.fetch_add(1 + self.free.len(), Ordering::Relaxed);
+        let (x, problem) = (self.all(x), self.coarser);
+        let columns = jacobian(problem, &x, &problem.residuals(&x).ok()?).ok()?;
+        let of = |&j: &usize| self.whitened(projected(&self.basis, &columns[j]));
+        Some(DMatrix::from_columns(&self.free.iter().map(of).collect::<Option<Vec<_>>>()?))
     }
 }
 

@@ -1,22 +1,18 @@
 //! The joint posterior of a fit's values by sampling.
 
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::Ordering;
 
-use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use crate::fit::data::run_data::RunData;
 use crate::fit::numeric::convergence::Convergence;
-use crate::fit::numeric::ensemble::{Ensembles, Walker};
-use crate::fit::numeric::least_squares::Problem;
-use crate::fit::numeric::population::normal;
+use crate::fit::numeric::randomised::{Chain, Chains};
 use crate::fit::outcome::fit::Fit;
 use crate::fit::outcome::posterior::{Marginal, Posterior};
 use crate::fit::posterior::interval;
 use crate::fit::posterior::likelihood::Likelihood;
 use crate::fit::posterior::thresholds::{
-    CONVERGED_R_HAT, FIRST_SWEEPS, KEPT_DRAWS, LEAST_START_SPREAD, LEAST_WALKERS, LINES_PER_VARIABLE, MOVES_PER_DRAW,
-    OPEN_START_SHARE, R_HAT_SCATTER, START_NEARER, START_SPREAD, SWEEPS_GROWTH, WALKERS_PER_VARIABLE,
+    CHAINS, CONVERGED_R_HAT, FIRST_SWEEPS, KEPT_DRAWS, MOVES_PER_DRAW, R_HAT_SCATTER, SWEEPS_GROWTH,
 };
 use crate::fit::problem::elements::vanished;
 use crate::fit::problem::error::FitError;
@@ -27,8 +23,8 @@ use crate::fit::search::options::Options;
 use crate::model::stop;
 use crate::rig::Rig;
 
-/// Ensembles that know nothing of each other.
-const ENSEMBLES: usize = 2;
+/// Groups of chains that are compared.
+const GROUPS: usize = 2;
 
 /// What is done with the likelihood of a fit and the number of simulations so far; none where it has no likelihood.
 pub(crate) fn with_likelihood<T>(
@@ -48,8 +44,9 @@ pub(crate) fn with_likelihood<T>(
     problem.hold(&gone, &values);
     let centre = problem.variables(&values);
     let halved = model.fitting_reaches(&values[..model.shared.len()], fit.reaches.div_ceil(2));
-    let coarser = ctx.problem(&model, Window { reaches: halved, ..problem.window() }).residuals(&centre)?;
-    Ok(Likelihood::of(&problem, &centre, &coarser)?.map(|likelihood| work(&likelihood, progress)))
+    let mut coarser = ctx.problem(&model, Window { reaches: halved, ..problem.window() });
+    coarser.hold(&gone, &values);
+    Ok(Likelihood::of(&problem, &coarser, &centre)?.map(|likelihood| work(&likelihood, progress)))
 }
 
 /// Samples the joint posterior of a fit's values until all parameters have `wanted` effective draws and R̂ says that
@@ -69,12 +66,12 @@ pub fn sample(
 ) -> Result<(), FitError> {
     let sampled = with_likelihood(rig, runs, fit, options, progress, |likelihood, progress| {
         let scales: Vec<_> = likelihood.free.iter().map(|&j| fit.parameters[j].scale).collect();
-        let simulations = AtomicUsize::new(0);
-        let draws = draw(likelihood, wanted, options.seed, progress, &simulations);
-        (draws, likelihood.free.clone(), likelihood.bounds(), scales, simulations.into_inner())
+        let draws = draw(likelihood, wanted, options.seed, progress)?;
+        let simulations = likelihood.simulations.load(Ordering::Relaxed);
+        Some((draws, likelihood.free.clone(), likelihood.bounds(), scales, simulations))
     })?;
     stop::check()?;
-    let Some((draws, of, bounds, scales, simulations)) = sampled else { return Ok(()) };
+    let Some((draws, of, bounds, scales, simulations)) = sampled.flatten() else { return Ok(()) };
     let to_value = |a: usize, x: f64| match scales[a] {
         crate::model::parameter::Scale::Linear => x,
         crate::model::parameter::Scale::Log => x.exp(),
@@ -125,15 +122,13 @@ struct Draws {
 }
 
 impl Draws {
-    /// The second half of each walker's way.
-    fn of(all: &Ensembles, variables: &(impl Fn(&[f64]) -> Vec<f64> + Sync)) -> Self {
-        let walkers: Vec<_> = all.walkers().collect();
-        let counts = |w: &&Walker| w.path[w.path.len() / 2..].iter().map(|at| variables(at)).collect::<Vec<_>>();
-        let ways: Vec<Vec<Vec<f64>>> = walkers.par_iter().map(counts).collect();
-        let one = |a: usize| ways.iter().map(|way| way.iter().map(|x| x[a]).collect()).collect();
-        let chains: Vec<Vec<Vec<f64>>> = (0..ways[0][0].len()).map(one).collect();
-        let (moves, steps) = all.walkers().fold((0, 0), |(m, s), w| (m + w.moves, s + w.path.len()));
-        let convergence = chains.par_iter().map(|chains| Convergence::of(chains, ENSEMBLES)).collect();
+    /// Of each chain's way, all but the first quarter.
+    fn of(all: &[Chain]) -> Self {
+        let counts = |c: &Chain, a: usize| c.path[c.path.len() / 4..].iter().map(|x| x[a]).collect();
+        let one = |a: usize| all.iter().map(|c| counts(c, a)).collect();
+        let chains: Vec<Vec<Vec<f64>>> = (0..all[0].path[0].len()).map(one).collect();
+        let (moves, steps) = all.iter().fold((0, 0), |(m, s), c| (m + c.moves, s + c.path.len()));
+        let convergence = chains.par_iter().map(|chains| Convergence::of(chains, GROUPS)).collect();
         Draws { chains, convergence, acceptance: moves as f64 / steps.max(1) as f64 }
     }
 
@@ -152,98 +147,23 @@ impl Draws {
     }
 }
 
-fn draw(
-    likelihood: &Likelihood,
-    wanted: usize,
-    seed: u64,
-    progress: &OnProgress<'_>,
-    simulations: &AtomicUsize,
-) -> Draws {
-    let (centre, bounds, spread) = (likelihood.centre(), likelihood.bounds(), likelihood.spread(OPEN_START_SHARE));
-    let variables = |at: &[f64]| -> Vec<f64> {
-        let step = &spread * DVector::from_column_slice(at);
-        centre.iter().zip(step.iter()).map(|(x, by)| x + by).collect()
-    };
-    let log = |at: &[f64]| {
-        let x = variables(at);
-        if x.iter().zip(&bounds).any(|(x, (lower, upper))| !(lower..=upper).contains(&x)) {
-            return f64::NEG_INFINITY;
-        }
-        simulations.fetch_add(1, Ordering::Relaxed);
-        likelihood.log(&x)
-    };
-    let walkers = (WALKERS_PER_VARIABLE * centre.len()).max(LEAST_WALKERS);
-    let room = Room { centre: &centre, bounds: &bounds, spread: &spread };
-    // Wider than the posterior; where nothing fits so far away, nearer, and at the fit in the end.
-    let start = |number: usize| {
-        let mut random = fastrand::Rng::with_seed(seed.wrapping_mul(1_000_003).wrapping_add(number as u64));
-        let mut reach = START_SPREAD;
-        while reach > LEAST_START_SPREAD {
-            let at = room.draw(reach, &mut random);
-            let there = log(&at);
-            if there.is_finite() {
-                return (at, there);
-            }
-            reach *= START_NEARER;
-        }
-        (vec![0.0; centre.len()], likelihood.at_centre)
-    };
-    let starts: Vec<(Vec<f64>, f64)> = (0..ENSEMBLES * walkers).into_par_iter().map(start).collect();
-    let mut all = Ensembles::new(starts.chunks(walkers).map(<[_]>::to_vec).collect(), seed);
-    let most = (MOVES_PER_DRAW * wanted).div_ceil(ENSEMBLES * walkers).max(FIRST_SWEEPS);
+fn draw(likelihood: &Likelihood, wanted: usize, seed: u64, progress: &OnProgress<'_>) -> Option<Draws> {
+    let mut all = Chains::new(likelihood, &likelihood.centre(), &likelihood.bounds(), CHAINS, seed)?;
+    let most = (MOVES_PER_DRAW * wanted).div_ceil(CHAINS).max(FIRST_SWEEPS);
     let (mut sweeps, mut until) = (0, FIRST_SWEEPS);
     loop {
         while sweeps < until {
-            all.sweep(&log);
+            all.step();
             sweeps += 1;
-            progress(&Progress::from(
-                format!("posterior: {} simulations", simulations.load(Ordering::Relaxed)).as_str(),
-            ));
+            let simulations = likelihood.simulations.load(Ordering::Relaxed);
+            progress(&Progress::from(format!("posterior: {simulations} simulations").as_str()));
         }
-        let draws = Draws::of(&all, &variables);
-        if sweeps >= most || draws.met(wanted) {
-            return draws;
+        let draws = Draws::of(&all.chains);
+        if sweeps >= most || draws.met(wanted) || stop::check().is_err() {
+            return Some(draws);
         }
         until = ((sweeps as f64 * SWEEPS_GROWTH) as usize).min(most);
     }
-}
-
-/// The linearised likelihood within the bounds.
-struct Room<'a> {
-    centre: &'a [f64],
-    bounds: &'a [(f64, f64)],
-    spread: &'a DMatrix<f64>,
-}
-
-impl Room<'_> {
-    /// A draw of a normal density of standard deviation `reach` about the fit, cut off at the bounds: by steps along
-    /// random lines (hit and run: Bélisle, Romeijn & Smith 1993, Math. Oper. Res. 18, 255). Nothing is simulated for
-    /// it.
-    fn draw(&self, reach: f64, random: &mut fastrand::Rng) -> Vec<f64> {
-        let n = self.centre.len();
-        let (mut at, mut x) = (DVector::zeros(n), DVector::from_column_slice(self.centre));
-        for _ in 0..LINES_PER_VARIABLE * n {
-            let line = DVector::from_fn(n, |_, _| normal(random)).normalize();
-            let along = self.spread * &line;
-            let (mut from, mut to) = (f64::NEG_INFINITY, f64::INFINITY);
-            for (a, (lower, upper)) in self.bounds.iter().enumerate().filter(|(a, _)| along[*a] != 0.0) {
-                let (one, other) = ((lower - x[a]) / along[a], (upper - x[a]) / along[a]);
-                (from, to) = (from.max(one.min(other)), to.min(one.max(other)));
-            }
-            let by = cut_off_normal(-at.dot(&line), reach, (from.min(0.0), to.max(0.0)), random);
-            (at, x) = (at + &line * by, x + along * by);
-        }
-        at.as_slice().to_vec()
-    }
-}
-
-/// A draw of a normal density between two ends.
-fn cut_off_normal(mean: f64, sd: f64, (from, to): (f64, f64), random: &mut fastrand::Rng) -> f64 {
-    use statrs::distribution::{ContinuousCDF, Normal};
-    let standard = Normal::standard();
-    let [low, high] = [from, to].map(|end| standard.cdf((end - mean) / sd));
-    let drawn = mean + sd * standard.inverse_cdf(low + (high - low) * random.f64());
-    drawn.clamp(from, to)
 }
 
 #[cfg(test)]
