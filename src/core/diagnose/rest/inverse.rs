@@ -14,6 +14,7 @@ use crate::diagnose::rest::cells::{CELLS, Row, Times};
 use crate::diagnose::rest::pulse::REACH;
 use crate::diagnose::rest::response::Response;
 use crate::fit::numeric::uncertainty::correlation_inflation;
+use crate::golden::least_looked_at;
 use crate::product::{along, dot, gram};
 
 /// How a forcing may go on from knot to knot: those that are tried, and tones beside them.
@@ -237,22 +238,11 @@ impl Normal {
             return self.judged(Belief { process, log_power: 0.0 });
         }
         let mean = (self.square / self.rows as f64).max(1.0).ln();
-        let at = |log_power: f64| self.judged(Belief { process, log_power });
-        let (mut low, mut high) = (-4.0, mean + 4.0);
-        // Golden section (Kiefer 1953).
-        let golden = 0.5 * (5f64.sqrt() - 1.0);
-        let mut inner = [at(high - golden * (high - low))?, at(low + golden * (high - low))?];
-        for _ in 2..steps {
-            if inner[0].evidence > inner[1].evidence {
-                high = inner[1].belief.log_power;
-                inner = [at(high - golden * (high - low))?, inner[0].clone()];
-            } else {
-                low = inner[0].belief.log_power;
-                inner = [inner[1].clone(), at(low + golden * (high - low))?];
-            }
-        }
-        let [a, b] = inner;
-        Some(if a.evidence > b.evidence { a } else { b })
+        let at = |log_power: f64| {
+            let found = self.judged(Belief { process, log_power });
+            (found.as_ref().map_or(f64::INFINITY, |found| -found.evidence), found)
+        };
+        least_looked_at(at, -4.0, mean + 4.0, steps)
     }
 
     /// The forcing at all knots, and then the moves of the variables, in units of what was known of each.

@@ -50,10 +50,9 @@ impl Spot {
         }
     }
 
-    /// Whether it is nearer to the middle of its pipe than another place there; any other place is as near as itself.
-    pub(crate) fn is_nearer_the_middle_than(&self, other: &Spot, rig: &Rig) -> bool {
-        let off_m = |spot: &Spot| spot.position_m().map(|at| (at - 0.5 * rig.line_length_m(spot.line(rig))).abs());
-        off_m(self) <= off_m(other)
+    /// Distance from the middle of its pipe, m; none of a place that is not on one.
+    pub(crate) fn off_middle_m(&self, rig: &Rig) -> f64 {
+        self.position_m().map_or(0.0, |at| (at - 0.5 * rig.line_length_m(self.line(rig))).abs())
     }
 
     /// Its kind in words that are the same in all runs.

@@ -132,29 +132,67 @@ pub(crate) fn normal(run: &Run, data: &Data, spot: &Spot, times: &Times) -> Resu
     Ok(Normal::of(data, columns(data, &response, times), response.len()))
 }
 
-/// Those of the `times` at which a forcing, wherever it is, gains most evidence over none. Where finer knots end before
-/// the record does, they gain nothing from what comes later. One place of each kind is looked at.
+/// Those of the `times` at which a forcing, wherever it is, gains most evidence over none; one place of each kind is
+/// looked at.
 ///
 /// # Errors
 /// As [`Run::left_in`].
 pub(crate) fn resolved(run: &Run, spots: &[Spot], times: &[Times]) -> Result<Times, ModelError> {
-    let mut kinds: Vec<&Spot> = Vec::new();
-    for spot in spots {
-        match kinds.iter_mut().find(|kind| kind.is_alike(spot)) {
-            Some(kind) if kind.is_nearer_the_middle_than(spot, run.problem.model.rig) => {}
-            Some(kind) => *kind = spot,
-            None => kinds.push(spot),
-        }
-    }
-    let gain = |times: &Times| -> Result<f64, ModelError> {
-        let data = data(run, times, Errors::BELIEVED)?.0;
-        let without = Normal::of(&data, Vec::new(), 0).best(PROCESSES[1], QUICK).map_or(0.0, |found| found.evidence);
-        let with = |spot: &&Spot| Some(normal(run, &data, spot, times).ok()?.best(PROCESSES[1], QUICK)?.evidence);
-        Ok(kinds.par_iter().filter_map(with).reduce(|| f64::NEG_INFINITY, f64::max) - without)
-    };
-    let gains = times.iter().map(|times| Ok((gain(times)?, *times))).collect::<Result<Vec<_>, ModelError>>()?;
+    let off_middle_m = |spot: &Spot| spot.off_middle_m(run.problem.model.rig);
+    let spots = best_of_each_kind(spots.iter().map(|spot| (spot.clone(), -off_middle_m(spot))).collect());
+    let gains = times.iter().map(|times| Ok((gain(run, &spots, times)?, *times)));
+    let gains = gains.collect::<Result<Vec<_>, ModelError>>()?;
     let best = gains.into_iter().max_by(|a, b| a.0.total_cmp(&b.0));
     Ok(best.map_or(times[0], |(_, times)| times))
+}
+
+/// The evidence over none of a forcing at the best of some places, with errors as it leaves them: knots too coarse for
+/// a forcing leave much of it, and what they leave is no noise.
+fn gain(run: &Run, spots: &[Spot], times: &Times) -> Result<f64, ModelError> {
+    let believed = data(run, times, Errors::BELIEVED)?.0;
+    let processes = [vec![PROCESSES[1]], tones(&believed, times)].concat();
+    let rests: Vec<_> = spots.par_iter().map(|spot| rest(run, &believed, spot, times, &processes)).collect();
+    // A place that cannot be simulated is no candidate.
+    let found = spots.iter().zip(rests).filter_map(|(spot, rest)| Some((spot, rest.ok()??)));
+    let best = found.max_by(|a, b| a.1.0.evidence.total_cmp(&b.1.0.evidence));
+    let Some((spot, (found, rest))) = best else { return Ok(f64::NEG_INFINITY) };
+    let data = data(run, times, Errors::of(&rest))?.0;
+    let with = normal(run, &data, spot, times)?.best(found.belief.process, QUICK);
+    let without = Normal::of(&data, Vec::new(), 0).judged(found.belief);
+    Ok(with.zip(without).map_or(f64::NEG_INFINITY, |(with, without)| with.evidence - without.evidence))
+}
+
+/// The best place of each kind, the best first.
+fn best_of_each_kind(mut scored: Vec<(Spot, f64)>) -> Vec<Spot> {
+    scored.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let mut best: Vec<Spot> = Vec::new();
+    for (spot, _) in scored {
+        if !best.iter().any(|other| other.is_alike(&spot)) {
+            best.push(spot);
+        }
+    }
+    best
+}
+
+/// What the best forcing at a place leaves of each row, in units of what its error is believed to be, with the process
+/// that it is.
+fn rest(
+    run: &Run,
+    data: &Data,
+    spot: &Spot,
+    times: &Times,
+    processes: &[Process],
+) -> Result<Option<(Found, Vec<f64>)>, ModelError> {
+    let response = response(run, spot, times)?;
+    let columns = columns(data, &response, times);
+    let normal = Normal::of(data, columns.clone(), response.len());
+    let found = processes.iter().filter_map(|process| normal.best(*process, QUICK)).reduce(better);
+    let Some(found) = found else { return Ok(None) };
+    let mut rest = data.y.clone();
+    for (x, column) in normal.mean(&found).iter().flatten().zip(columns.iter().chain(&data.slopes)) {
+        rest.iter_mut().zip(column).for_each(|(r, c)| *r -= x * c);
+    }
+    Ok(Some((found, rest)))
 }
 
 /// The contenders of a run that is in [`doubt`]: of each kind of place the best one, with the model's variables where
@@ -173,16 +211,8 @@ pub(crate) fn contenders<'a>(
         let found = normal(&run, &screened, spot, times).ok()?.best(PROCESSES[1], QUICK)?;
         Some((spot.clone(), found.evidence))
     };
-    let mut all: Vec<(Spot, f64)> = spots.par_iter().filter_map(judged).collect();
-    all.sort_by(|a, b| b.1.total_cmp(&a.1));
-    let mut best: Vec<Spot> = Vec::new();
-    for (spot, _) in all {
-        if !best.iter().any(|other| other.is_alike(&spot)) {
-            best.push(spot);
-        }
-    }
-    let tones = strongest(&screened, times).map(Process::tones);
-    let tones = tones.as_slice().as_flattened().to_vec();
+    let best = best_of_each_kind(spots.par_iter().filter_map(judged).collect());
+    let tones = tones(&screened, times);
     let x = run.x.clone();
     let settled = |spot: Spot| -> Result<Option<Settled<'a>>, ModelError> {
         let mut own = again()?;
@@ -192,8 +222,10 @@ pub(crate) fn contenders<'a>(
     let settled: Vec<Option<Settled>> = best.into_par_iter().map(settled).collect::<Result<_, _>>()?;
     let settled: Vec<Settled> = settled.into_iter().flatten().collect();
     // What the best place leaves says how the errors are, for all of them.
-    let rests: Vec<Option<(f64, Vec<f64>)>> = settled.par_iter().map(|s| s.rest(times)).collect::<Result<_, _>>()?;
-    let Some((_, rest)) = rests.into_iter().flatten().max_by(|a, b| a.0.total_cmp(&b.0)) else { return Ok(Vec::new()) };
+    let rest = |s: &Settled| rest(&s.run, &data(&s.run, times, Errors::BELIEVED)?.0, &s.spot, times, &[s.process]);
+    let rests: Vec<Option<(Found, Vec<f64>)>> = settled.par_iter().map(rest).collect::<Result<_, _>>()?;
+    let best = rests.into_iter().flatten().max_by(|a, b| a.0.evidence.total_cmp(&b.0.evidence));
+    let Some((_, rest)) = best else { return Ok(Vec::new()) };
     let errors = Errors::of(&rest);
     let judged: Vec<Option<Contender>> =
         settled.into_par_iter().map(|settled| settled.judged(times, errors)).collect::<Result<_, _>>()?;
@@ -210,20 +242,6 @@ struct Settled<'a> {
 }
 
 impl<'a> Settled<'a> {
-    /// What the forcing leaves of each row, in units of what its error is believed to be, and the evidence with that.
-    fn rest(&self, times: &Times) -> Result<Option<(f64, Vec<f64>)>, ModelError> {
-        let (data, _) = data(&self.run, times, Errors::BELIEVED)?;
-        let response = response(&self.run, &self.spot, times)?;
-        let columns = columns(&data, &response, times);
-        let normal = Normal::of(&data, columns.clone(), response.len());
-        let Some(found) = normal.best(self.process, QUICK) else { return Ok(None) };
-        let mut rest = data.y;
-        for (x, column) in normal.mean(&found).iter().flatten().zip(columns.iter().chain(&data.slopes)) {
-            rest.iter_mut().zip(column).for_each(|(r, c)| *r -= x * c);
-        }
-        Ok(Some((found.evidence, rest)))
-    }
-
     /// With errors as they are.
     fn judged(self, times: &Times, errors: Errors) -> Result<Option<Contender<'a>>, ModelError> {
         let Settled { run, spot, process, step_m } = self;
@@ -276,6 +294,11 @@ fn settled<'a>(
         run.step(&steps(&solution, &reach));
     }
     Ok(Some(Settled { run, spot, process, step_m }))
+}
+
+/// The tones that what is left may be.
+fn tones(data: &Data, times: &Times) -> Vec<Process> {
+    strongest(data, times).map(Process::tones).as_slice().as_flattened().to_vec()
 }
 
 /// Knots a cycle of the strongest tone in what is left, over all sensors.
