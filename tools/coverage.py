@@ -1,13 +1,19 @@
 """How often the 95% intervals hold the truth: calibrate recordings whose true parameters are known, and count.
 
-coverage.py PROGRAM FOLDER [KEEP [OPEN]]
+coverage.py PROGRAM FOLDER [KEEP [OPEN] [posterior=N]]
 
 FOLDER as tools/hidden writes it, with `truth` in answers.json; the start effects are those of the answers, with the true number of creep
 elements, or with their number left open where OPEN is `open`. The work is a campaign in the folder KEEP, FOLDER/coverage where none is given: one that
 is cut off goes on. Seconds are those of one core. `off` is the root mean square of (estimate - truth) / standard error, logarithms where the interval is not symmetric: 1 where errors are what they
-are said to be. An open end of an interval reaches the parameter's bound and counts as inside."""
+are said to be. An open end of an interval reaches the parameter's bound and counts as inside.
+
+posterior=N samples each fit's posterior to N draws, too, and counts the intervals that are in doubt: those of the errors beside those of the
+posteriors that converged. A recording's answer is kept in KEEP/posterior; one that is there is not sampled again."""
+import json
 import math
+import subprocess
 import sys
+import time
 from pathlib import Path
 
 from hidden_folder import answers, imported
@@ -30,6 +36,42 @@ def said_of(program, folder, keep, open_number):
     return [{"case": task["case"], "s": seconds, "said": said} for task, said, seconds in done(program, keep, cases, kind="calibrate")]
 
 
+def sampled(program, folder, keep, open_number, wanted):
+    """The fit of each recording with its posterior, and the seconds of both."""
+    place = keep / "posterior"
+    place.mkdir(parents=True, exist_ok=True)
+    for case, answer in answers(folder):
+        kept = place / f"{case}.json"
+        if not kept.exists():
+            recordings, began = imported(program, folder, case, keep / "recordings"), time.monotonic()
+            words = [program, "calibrate", *recordings, "--effects", ",".join(model(answer, open_number)), "--posterior", wanted, "--json"]
+            ended = subprocess.run(words, capture_output=True, text=True)
+            if not ended.stdout:
+                raise SystemExit(f"{case}: {ended.stderr}")
+            kept.write_text(json.dumps({"case": case, "s": time.monotonic() - began, "said": json.loads(ended.stdout)}))
+        yield json.loads(kept.read_text())
+
+
+def in_doubt(fits, linear, truths):
+    """Prints how often the intervals that are in doubt hold the truth, by kind of doubt: those of the errors, and of the posteriors."""
+    linear = {s["case"]: s for s in linear}
+    met = [s for s in fits if (s["said"].get("posterior") or {}).get("converged")]
+    rows = []
+    for s in met:
+        held = lambda said: {(r[1], r[8]): r[2] for r in judged(said, truths[s["case"]])}
+        before = held(linear[s["case"]])
+        rows += [(r[9], before[r[1], r[8]], r[2]) for r in judged(s, truths[s["case"]]) if r[9]]
+    print("\n| in doubt | intervals | of errors hold the truth | of posteriors hold it |\n| --- | --- | --- | --- |")
+    for doubt in [*sorted({r[0] for r in rows}), "all"]:
+        own = [r for r in rows if doubt in ("all", r[0])]
+        share = lambda k: f"{sum(r[k] for r in own)} ({100 * sum(r[k] for r in own) / max(1, len(own)):.0f}%)"
+        print(f"| {doubt} | {len(own)} | {share(1)} | {share(2)} |")
+    more = sorted(s["said"]["evaluations"] - linear[s["case"]]["said"]["evaluations"] for s in fits)
+    seconds = sorted(s["s"] for s in fits)
+    print(f"\n{len(met)} of {len(fits)} posteriors converged; {more[len(more) // 2]} simulations median, {more[-1]} most; "
+          f"{seconds[len(seconds) // 2]:.1f} s median with the fit, {seconds[-1]:.1f} s worst.")
+
+
 def kind(name):
     return name.rstrip("]").split("[")[0] if "[" in name else name
 
@@ -45,7 +87,7 @@ def interval(p):
 
 
 def judged(said, answer):
-    """A row for each parameter whose truth is known: kind, whether inside, estimate - truth in standard errors."""
+    """A row for each parameter whose truth is known: whether inside, estimate - truth in standard errors, and more."""
     truth, found = answer["truth"], said["said"]["parameters"]
     elements = lambda names: sum(n.startswith("tau") for n in names)
     same = elements(truth["shared"]) == elements(p["name"] for p in found)
@@ -62,7 +104,7 @@ def judged(said, answer):
             off = (p["value"] - exact) / error
         else:
             off = math.log(p["value"] / exact) * p["value"] / error
-        yield said["case"], p["name"], low <= exact <= high, off, p["at_bound"], p["value"], exact, error
+        yield said["case"], p["name"], low <= exact <= high, off, p["at_bound"], p["value"], exact, error, p.get("run"), p.get("doubt")
     yield from creep(said, answer)
 
 
@@ -92,13 +134,13 @@ def creep(said, answer):
         value, slopes = creep_of(names, values, t)
         moved = [i for i, slope in enumerate(slopes) if slope]
         if not moved or any(not found[i]["standard_error"] for i in moved):
-            yield said["case"], f"J(t), {k + 1} of 4", True, math.nan, False, value, exact, None
+            yield said["case"], f"J(t), {k + 1} of 4", True, math.nan, False, value, exact, None, None, None
             continue
         share = [slopes[i] * found[i]["standard_error"] / values[i] for i in moved]
         error = math.sqrt(sum(share[a] * share[b] * found[i]["correlation"][j]
                               for a, i in enumerate(moved) for b, j in enumerate(moved)))
         off = (value - exact) / error
-        yield said["case"], f"J(t), {k + 1} of 4", abs(off) <= Z, off, False, value, exact, error
+        yield said["case"], f"J(t), {k + 1} of 4", abs(off) <= Z, off, False, value, exact, error, None, None
 
 
 def lacking(said):
@@ -141,6 +183,9 @@ def main():
     print("\n" + held_or_warned(said, truths))
     seconds = sorted(s["s"] for s in said)
     print(f"\n{len(said)} recordings; {seconds[len(seconds) // 2]:.1f} s median, {seconds[-1]:.1f} s worst.")
+    for word in sys.argv[4:]:
+        if word.startswith("posterior="):
+            in_doubt(list(sampled(program, folder, keep, open_number, word.removeprefix("posterior="))), said, truths)
     if "misses" in sys.argv[4:]:
         for r in rows:
             if not r[2]:
