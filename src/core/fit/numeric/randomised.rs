@@ -64,11 +64,9 @@ impl Parts {
     /// A variable is given where, with those given already, a bound lies within 1.96 standard errors of the centre:
     /// the rule by which an interval is in doubt. None where no slope is finite.
     fn of(centre: &[f64], bounds: &[(f64, f64)], data: &DVector<f64>, slopes: &DMatrix<f64>) -> Option<Self> {
-        let n = centre.len();
+        let (mut given, mut solved): (Vec<usize>, Vec<usize>) = (Vec::new(), (0..centre.len()).collect());
         // Bounds as faint data, so that what is open has a finite error.
-        let faint = DMatrix::from_diagonal(&DVector::from_fn(n, |a, _| (bounds[a].1 - bounds[a].0).powi(-2)));
-        let precision = slopes.transpose() * slopes + faint;
-        let (mut given, mut solved): (Vec<usize>, Vec<usize>) = (Vec::new(), (0..n).collect());
+        let precision = slopes.transpose() * slopes + faint(&solved, bounds);
         loop {
             let covariance = Cholesky::new(precision.select_rows(&solved).select_columns(&solved))?.inverse();
             let reach = |(i, &a): (usize, &usize)| {
@@ -90,7 +88,7 @@ impl Parts {
         let beyond = data - &reached * (reached.transpose() * data);
         let beyond_by_given = &by_given - &reached * (reached.transpose() * &by_given);
         let known = beyond_by_given.transpose() * &beyond_by_given;
-        let known = known + faint_of(&given, bounds);
+        let known = known + faint(&given, bounds);
         let lines = Cholesky::new(known)?.inverse().cholesky()?.l();
         Some(Parts {
             centre: centre.to_vec(),
@@ -186,7 +184,8 @@ impl Parts {
     }
 }
 
-fn faint_of(of: &[usize], bounds: &[(f64, f64)]) -> DMatrix<f64> {
+/// What the range of some variables says of them.
+fn faint(of: &[usize], bounds: &[(f64, f64)]) -> DMatrix<f64> {
     DMatrix::from_diagonal(&DVector::from_iterator(of.len(), of.iter().map(|&a| (bounds[a].1 - bounds[a].0).powi(-2))))
 }
 
@@ -200,8 +199,7 @@ fn between(slope: f64, curvature: f64, (from, to): (f64, f64), random: &mut fast
     }
     let (mean, standard) = (slope / curvature, Normal::standard());
     // Of the two tails, the lower one is known to more digits.
-    let side = if from > mean { -1.0 } else { 1.0 };
-    let (low, high) = if from > mean { (mean - to, mean - from) } else { (from - mean, to - mean) };
+    let (side, low, high) = if from > mean { (-1.0, mean - to, mean - from) } else { (1.0, from - mean, to - mean) };
     let [least, most] = [low, high].map(|end| standard.cdf(end / sd));
     let drawn = side * sd * standard.inverse_cdf(least + (most - least) * share);
     (mean + drawn).clamp(from, to)

@@ -144,8 +144,12 @@ impl<'a> Likelihood<'a> {
     }
 
     fn log_of(&self, residuals: &[f64], z: &DVector<f64>) -> f64 {
-        let rest = (dot(residuals, residuals) - z.norm_squared()).max(0.0);
-        -0.5 * (z.dot(&self.factor.solve(z)) + rest / self.inflation)
+        -0.5 * z.dot(&self.factor.solve(z)) - self.rest(residuals, z)
+    }
+
+    /// What the residuals that no slope shows take from the logarithm.
+    fn rest(&self, residuals: &[f64], z: &DVector<f64>) -> f64 {
+        0.5 * (dot(residuals, residuals) - z.norm_squared()).max(0.0) / self.inflation
     }
 
     fn whitened(&self, z: DVector<f64>) -> Option<DVector<f64>> {
@@ -198,7 +202,7 @@ impl Density for Likelihood<'_> {
         self.simulations.fetch_add(1, Ordering::Relaxed);
         let residuals = self.problem.residuals(&self.all(x)).ok()?;
         let z = projected(&self.basis, &residuals);
-        let rest = 0.5 * (dot(&residuals, &residuals) - z.norm_squared()).max(0.0) / self.inflation;
+        let rest = self.rest(&residuals, &z);
         Some(Shown { data: self.whitened(z)?, rest })
     }
 
