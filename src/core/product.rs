@@ -35,7 +35,7 @@ widened! {
 }
 
 /// The four products of two columns with two others: half the loads of computing them one by one.
-fn four_dots([a, b]: [&[f64]; 2], [c, d]: [&[f64]; 2]) -> [f64; 4] {
+pub fn four_dots([a, b]: [&[f64]; 2], [c, d]: [&[f64]; 2]) -> [f64; 4] {
     let n = a.len() - a.len() % LANES;
     let [la, lb, lc, ld] = [a, b, c, d].map(|of| of.as_chunks::<LANES>().0);
     let mut sums = [[0.0; LANES]; 4];

@@ -11,7 +11,7 @@ use crate::units::GRAVITY_M_S2;
 use crate::wide::widened;
 
 /// Nodes per block: one pass over a block keeps its sums and flows in registers.
-const BLOCK: usize = 8;
+const BLOCK: usize = 16;
 
 /// How the nodes of a segment remember.
 ///

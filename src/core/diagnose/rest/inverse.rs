@@ -15,7 +15,7 @@ use crate::diagnose::rest::pulse::REACH;
 use crate::diagnose::rest::response::Response;
 use crate::fit::numeric::uncertainty::correlation_inflation;
 use crate::golden::least_looked_at;
-use crate::product::{along, dot, gram};
+use crate::product::{along, dot, four_dots, gram};
 
 /// How a forcing may go on from knot to knot: those that are tried, and tones beside them.
 pub(crate) const PROCESSES: [Process; 8] = [
@@ -270,23 +270,38 @@ impl Normal {
     }
 }
 
+/// The root of a pivot; none where the matrix is not positive.
+fn root(pivot: f64) -> Option<f64> {
+    (pivot > 0.0).then(|| pivot.sqrt())
+}
+
 /// The lower triangle of a factored matrix, row by row: its products are those of contiguous rows.
 struct Cholesky(Vec<Vec<f64>>);
 
 impl Cholesky {
+    /// Two rows at a time, from their products with two others.
     fn of(mut m: Vec<Vec<f64>>) -> Option<Cholesky> {
-        for i in 0..m.len() {
-            let (done, rest) = m.split_at_mut(i);
-            let row = &mut rest[0];
-            for (j, other) in done.iter().enumerate() {
-                row[j] = (row[j] - dot(&row[..j], &other[..j])) / other[j];
-            }
-            let pivot = row[i] - dot(&row[..i], &row[..i]);
-            if pivot.is_nan() || pivot <= 0.0 {
-                return None;
-            }
-            row[i] = pivot.sqrt();
+        let n = m.len();
+        if !n.is_multiple_of(2) {
+            m.push([vec![0.0; n], vec![1.0]].concat());
         }
+        for i in (0..m.len()).step_by(2) {
+            let (done, rest) = m.split_at_mut(i);
+            let (one, two) = rest.split_at_mut(1);
+            let (one, two) = (&mut one[0], &mut two[0]);
+            for j in (0..i).step_by(2) {
+                let (first, second) = (&done[j], &done[j + 1]);
+                let of = four_dots([&one[..j], &two[..j]], [&first[..j], &second[..j]]);
+                for (row, [by_first, by_second]) in [(&mut *one, [of[0], of[1]]), (&mut *two, [of[2], of[3]])] {
+                    row[j] = (row[j] - by_first) / first[j];
+                    row[j + 1] = (row[j + 1] - by_second - row[j] * second[j]) / second[j + 1];
+                }
+            }
+            one[i] = root(one[i] - dot(&one[..i], &one[..i]))?;
+            two[i] = (two[i] - dot(&two[..i], &one[..i])) / one[i];
+            two[i + 1] = root(two[i + 1] - dot(&two[..=i], &two[..=i]))?;
+        }
+        m.truncate(n);
         Some(Cholesky(m))
     }
 
