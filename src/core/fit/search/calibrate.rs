@@ -19,6 +19,7 @@ use crate::fit::problem::error::FitError;
 use crate::fit::problem::method::Method;
 use crate::fit::progress::{OnProgress, Progress};
 use crate::fit::search::calibrator::{Calibrator, Estimate};
+use crate::fit::search::descent::polishing;
 use crate::fit::search::finish::{descend, finish};
 use crate::fit::search::from_signals::{fit_coarsely, from_signals, growing};
 use crate::fit::search::options::{Effort, Options};
@@ -276,7 +277,11 @@ impl<'a> Fitter<'a> {
         let tried = starts.par_iter().map(|values| from(values, SCREENING)).collect::<Result<Vec<_>, _>>()?;
         let best = tried.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
         let (Some(absent), Some(best)) = (starts.last(), best) else { return Ok(None) };
-        if from(absent, EVALUATE_ONLY)?.cost - best.cost < least_gain {
+        // Some of the samples show where to begin, only all of them what it gains.
+        let all = ctx.problem(&model, ctx.whole(reaches));
+        let of_all = |values: &[f64], limits| ctx.estimate(&all, values, limits, "from a smaller model");
+        let best = of_all(&best.values, polishing(&all, SCREENING))?;
+        if of_all(absent, EVALUATE_ONLY)?.cost - best.cost < least_gain {
             return Ok(None);
         }
         descend(&ctx, &model, best.values, reaches).map(Some)
