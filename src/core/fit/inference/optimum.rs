@@ -1,8 +1,8 @@
 //! Whether a search has ended at an optimum: by the reduction that an undamped Gauss-Newton step predicts from there.
 //!
 //! The prediction is the square of Newton's decrement (Boyd & Vandenberghe 2004, Convex Optimization, sec. 9.5.1) of
-//! the linearised problem. In units of what one sample leaves it is the square of the distance to the optimum in
-//! standard errors of white noise.
+//! the linearised problem. In units of what one independent sample leaves it is the square of the distance to the
+//! optimum in standard errors.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -79,10 +79,10 @@ fn undamped(normal: &DMatrix<f64>, slope: &DVector<f64>, free: &[usize]) -> DVec
     step
 }
 
-/// Why an end is no optimum, from where a step predicts a `reduction` in units of what one of the `samples` leaves; and
-/// what to do.
-pub(crate) fn not_at_optimum(reduction: f64, samples: usize, method: Method) -> String {
-    let share = 100.0 * (reduction / samples.max(1) as f64).min(1.0);
+/// Why an end is no optimum, from where a step predicts a reduction by this `share` of the sum of squares, and by so
+/// much in units of what one independent sample leaves; and what to do.
+pub(crate) fn not_at_optimum(share: f64, reduction: f64, method: Method) -> String {
+    let share = 100.0 * share.min(1.0);
     let digits = if share < 0.1 { 3 } else { usize::from(share < 10.0) };
     format!(
         "the search did not reach an optimum (a descent from its end would take {share:.digits$}% off the sum of squares, and some values \

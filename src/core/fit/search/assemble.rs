@@ -55,7 +55,7 @@ pub(crate) fn assemble(ctx: &Calibrator, problem: &FitProblem, solution: &Soluti
     let start_values = problem.start_values();
     let columns = slopes(ctx, problem, solution)?;
     let prediction = predict_reduction_by(ctx, problem, solution, Cow::Borrowed(&columns))?;
-    let (reduction, converged) = (prediction.reduction, prediction.at_optimum(solution));
+    let converged = prediction.near_optimum(problem, solution);
     let fixed = fixed_variables(problem, &values, &solution.at_bound);
     let (shifts, halving_m) = last_halving(ctx, problem, solution, &columns, &fixed)?;
     let known = if converged { Some(known(ctx, problem, solution, &columns, &fixed, &shifts)?) } else { None };
@@ -103,7 +103,11 @@ pub(crate) fn assemble(ctx: &Calibrator, problem: &FitProblem, solution: &Soluti
         .collect::<Result<_, ModelError>>()?;
     let stopped_because = match (converged, solution.stop.describe()) {
         (true, why) => why.to_owned(),
-        (false, _) => not_at_optimum(reduction, problem.samples(), ctx.options.method),
+        (false, _) => not_at_optimum(
+            prediction.reduction / problem.samples() as f64,
+            prediction.independent(problem, solution),
+            ctx.options.method,
+        ),
     };
     let (correlation, unidentifiable) = known.map_or_else(Default::default, |k| (k.correlation, k.unidentifiable));
     Ok(Fit {
@@ -122,7 +126,7 @@ pub(crate) fn assemble(ctx: &Calibrator, problem: &FitProblem, solution: &Soluti
         stopped_because,
         converged,
         cost: solution.cost,
-        predicted_reduction: reduction,
+        predicted_reduction: prediction.reduction,
         posterior: None,
     })
 }

@@ -7,6 +7,7 @@ use nalgebra::DVector;
 use crate::fit::inference::optimum::predicted_reduction;
 use crate::fit::inference::thresholds::OPTIMUM_REDUCTION;
 use crate::fit::numeric::least_squares::{Limits, Problem, Solution, Stop, jacobian};
+use crate::fit::numeric::uncertainty::correlation_inflation;
 use crate::fit::problem::fit_problem::FitProblem;
 use crate::fit::search::calibrator::Calibrator;
 use crate::fit::search::thresholds::{POLISH_REDUCTION, STEP_SHARES};
@@ -25,8 +26,23 @@ impl PredictedReduction<'_> {
     /// Whether a solution is an optimum. Where no step lowers the cost it is one, whatever the prediction: residuals
     /// may have corners. Elsewhere the prediction decides.
     pub(crate) fn at_optimum(&self, solution: &Solution) -> bool {
-        !matches!(solution.stop, Stop::CostSettled | Stop::IterationsSpent) || self.reduction <= OPTIMUM_REDUCTION
+        is_optimum(solution, self.reduction)
     }
+
+    /// Whether a solution is as near an optimum as its errors tell: samples whose errors are alike count once. A
+    /// descent that goes on may still gain, along a bent valley or from elements of creep that nothing supports.
+    pub(crate) fn near_optimum(&self, problem: &FitProblem, solution: &Solution) -> bool {
+        is_optimum(solution, self.independent(problem, solution))
+    }
+
+    /// The reduction in units of what one independent sample leaves.
+    pub(crate) fn independent(&self, problem: &FitProblem, solution: &Solution) -> f64 {
+        self.reduction / correlation_inflation(&solution.residuals[..problem.samples()])
+    }
+}
+
+fn is_optimum(solution: &Solution, reduction: f64) -> bool {
+    !matches!(solution.stop, Stop::CostSettled | Stop::IterationsSpent) || reduction <= OPTIMUM_REDUCTION
 }
 
 fn over_one_sample<'a>(
