@@ -272,16 +272,15 @@ impl<'a> Fitter<'a> {
         let base = ctx.problem(&model, ctx.whole(smaller.reaches)).start_values();
         let starts = starts_from(&model, &small, &state, &base);
         let reaches = model.fitting_reaches(&starts[0][..model.shared.len()], smaller.reaches);
-        let screened = ctx.problem(&model, ctx.window(reaches, f64::INFINITY));
-        let from = |values: &Vec<f64>, limits| ctx.estimate(&screened, values, limits, "from a smaller model");
-        let tried = starts.par_iter().map(|values| from(values, SCREENING)).collect::<Result<Vec<_>, _>>()?;
+        // Some of the samples show where to begin, only all of them what it gains.
+        let some = ctx.problem(&model, ctx.window(reaches, f64::INFINITY));
+        let all = ctx.problem(&model, ctx.whole(reaches));
+        let from = |problem, values: &[f64], limits| ctx.estimate(problem, values, limits, "from a smaller model");
+        let tried = starts.par_iter().map(|values| from(&some, values, SCREENING)).collect::<Result<Vec<_>, _>>()?;
         let best = tried.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
         let (Some(absent), Some(best)) = (starts.last(), best) else { return Ok(None) };
-        // Some of the samples show where to begin, only all of them what it gains.
-        let all = ctx.problem(&model, ctx.whole(reaches));
-        let of_all = |values: &[f64], limits| ctx.estimate(&all, values, limits, "from a smaller model");
-        let best = of_all(&best.values, polishing(&all, SCREENING))?;
-        if of_all(absent, EVALUATE_ONLY)?.cost - best.cost < least_gain {
+        let best = from(&all, &best.values, polishing(&all, SCREENING))?;
+        if from(&all, absent, EVALUATE_ONLY)?.cost - best.cost < least_gain {
             return Ok(None);
         }
         descend(&ctx, &model, best.values, reaches).map(Some)
