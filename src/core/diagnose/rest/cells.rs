@@ -4,6 +4,8 @@
 //! is slow; and the share of the surge by which two right solvers differ.
 
 use crate::diagnose::limits::MODEL_ERROR;
+use crate::diagnose::rest::forced::Forced;
+use crate::diagnose::rest::pulse::REACH;
 use crate::extent::ends;
 use crate::fit::data::run_data::RunData;
 use crate::fit::numeric::least_squares::Problem;
@@ -43,6 +45,11 @@ impl Times {
         (knot as f64 - self.before as f64) * self.knot_s
     }
 
+    /// Cells from the begin of the pulse at a knot to a cell: where in its answer that is. None of earlier ones.
+    pub(crate) fn since(&self, cell: usize, knot: usize) -> Option<usize> {
+        (cell + CELLS * (self.before + REACH)).checked_sub(CELLS * knot)
+    }
+
     /// End of the last cell, s.
     pub(crate) fn end_s(&self) -> f64 {
         self.cells() as f64 * self.cell_s()
@@ -69,6 +76,8 @@ pub(crate) struct Run<'a> {
     pub(crate) beliefs: Vec<Option<(f64, f64)>>,
     /// Variables of the fit.
     pub(crate) x: Vec<f64>,
+    /// The forcing that is supposed.
+    pub(crate) forced: Option<Forced>,
     /// Heads without hum, m.
     heads_m: Vec<Vec<f64>>,
     fine: usize,
@@ -88,10 +97,18 @@ impl<'a> Run<'a> {
         let values: Vec<f64> = own.iter().map(|p| p.value).collect();
         let x = problem.variables(&values);
         let free = (0..own.len()).filter(|&j| !own[j].held).collect();
+        // What a flow meter shows of the velocity, as the fit has the one go with the other.
+        let [velocity, ..] = problem.run_variables(0);
+        let modelled_m3_s = fit.runs.iter().find(|run| run.file == *file).and_then(|run| run.meter_flow_m3_s);
+        let metered = runs[0]
+            .meter
+            .zip(modelled_m3_s)
+            .map(|(meter, flow_m3_s)| (values[velocity] * meter.flow_m3_s / flow_m3_s, meter.relative_sd));
         let beliefs = (0..own.len())
             .map(|j| {
                 let variable = |mean: f64| if own[j].scale == Scale::Log { mean.ln() } else { mean };
-                own[j].belief.map(|(mean, sd)| (variable(mean), sd)).or(problem.known(j))
+                let belief = own[j].belief.or(metered.filter(|_| j == velocity));
+                belief.map(|(mean, sd)| (variable(mean), sd)).or(problem.known(j))
             })
             .collect();
         let mut run = Run {
@@ -102,6 +119,7 @@ impl<'a> Run<'a> {
             fine: fit.reaches,
             coarse,
             grid_error_m: fit.grid_error_m,
+            forced: None,
             x,
         };
         let left = run.left_m(&run.x.clone(), run.fine)?;
@@ -220,20 +238,38 @@ impl<'a> Run<'a> {
         (0..self.heads_m.len()).flat_map(of).collect()
     }
 
+    /// What the supposed forcing does in each row beyond the sum of its linear answers, m.
+    ///
+    /// # Errors
+    /// As [`Model::simulate`].
+    pub(crate) fn bend_m(&self, rows: &[Row]) -> Result<Vec<f64>, ModelError> {
+        let Some(forced) = &self.forced else { return Ok(vec![0.0; rows.len()]) };
+        let (done, linear) = (forced.done_m(self, &self.x)?, forced.linear_m(self)?);
+        Ok(in_rows(rows, &done).iter().zip(in_rows(rows, &linear)).map(|(done, linear)| done - linear).collect())
+    }
+
     /// How the model's heads change in each row with each free variable, m.
     ///
     /// # Errors
     /// As [`Model::simulate`].
     pub(crate) fn slopes(&self, rows: &(Vec<Row>, Vec<std::ops::Range<usize>>)) -> Result<Vec<Vec<f64>>, ModelError> {
         use rayon::prelude::*;
-        let base = self.left_in(&self.x, rows, false)?;
+        let left_in = |x: &[f64]| -> Result<Vec<f64>, ModelError> {
+            let mut left = self.left_in(x, rows, false)?;
+            if let Some(forced) = &self.forced {
+                let done = in_rows(&rows.0, &forced.done_m(self, x)?);
+                left.iter_mut().zip(done).for_each(|(l, d)| *l -= d);
+            }
+            Ok(left)
+        };
+        let base = left_in(&self.x)?;
         let (_, upper) = self.problem.bounds();
         let slope = |&j: &usize| {
             let step = self.problem.difference_step(j);
             let step = if self.x[j] + step > upper[j] { -step } else { step };
             let mut moved = self.x.clone();
             moved[j] += step;
-            let left = self.left_in(&moved, rows, false)?;
+            let left = left_in(&moved)?;
             Ok(base.iter().zip(&left).map(|(b, l)| (b - l) / step).collect())
         };
         self.free.par_iter().map(slope).collect()
@@ -249,6 +285,11 @@ impl<'a> Run<'a> {
             self.x = moved;
         }
     }
+}
+
+/// Values by sensors and cells, in each row; zero before the closure.
+fn in_rows(rows: &[Row], values: &[Vec<f64>]) -> Vec<f64> {
+    rows.iter().map(|row| row.cell.map_or(0.0, |cell| values[row.sensor][cell])).collect()
 }
 
 /// Mean of the samples of each row.

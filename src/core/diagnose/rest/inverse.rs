@@ -10,8 +10,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::diagnose::rest::cells::{CELLS, Row, Times};
-use crate::diagnose::rest::pulse::REACH;
+use crate::diagnose::rest::cells::{Row, Times};
 use crate::diagnose::rest::response::Response;
 use crate::fit::numeric::uncertainty::correlation_inflation;
 use crate::golden::least_looked_at;
@@ -117,10 +116,30 @@ impl Errors {
 pub(crate) struct Data {
     pub(crate) rows: Vec<Row>,
     pub(crate) errors: Errors,
-    /// What the model leaves when its variables stand where they were known to be.
+    /// What the model leaves when its variables stand where they were known to be, less what the supposed forcing does
+    /// beyond its linear answer.
     pub(crate) y: Vec<f64>,
     /// How the model moves with one standard deviation of what was known of each variable, and then of its own errors.
     pub(crate) slopes: Vec<Vec<f64>>,
+}
+
+impl Data {
+    /// The same where its errors, believed so far, are others.
+    pub(crate) fn under(&self, errors: Errors) -> Data {
+        let (mut y, mut slopes) = (self.y.clone(), self.slopes.clone());
+        slopes.iter_mut().chain([&mut y]).for_each(|column| errors.whiten(&self.rows, column));
+        Data { rows: self.rows.clone(), errors, y, slopes }
+    }
+
+    /// What a forcing with these columns and moves of the variables leave of each row.
+    pub(crate) fn rest(&self, columns: &[Vec<f64>], (forcing, moves): &(Vec<Vec<f64>>, Vec<f64>)) -> Vec<f64> {
+        let mut rest = self.y.clone();
+        let with_slopes = columns.iter().chain(&self.slopes);
+        for (x, column) in forcing.iter().flatten().chain(moves).zip(with_slopes) {
+            rest.iter_mut().zip(column).for_each(|(r, c)| *r -= x * c);
+        }
+        rest
+    }
 }
 
 /// The normal equations of a place.
@@ -169,10 +188,8 @@ pub(crate) fn columns(data: &Data, response: &Response, times: &Times) -> Vec<Ve
     for component in response {
         for knot in 0..times.knots {
             let value = |row: &Row| {
-                let Some(cell) = row.cell else { return 0.0 };
-                let since = cell as i64 + CELLS as i64 * (times.before as i64 - knot as i64 + REACH as i64);
-                let answer = usize::try_from(since).ok().and_then(|i| component[row.sensor].get(i));
-                answer.map_or(0.0, |a| a / row.sd_m)
+                let since = row.cell.and_then(|cell| times.since(cell, knot));
+                since.and_then(|i| component[row.sensor].get(i)).map_or(0.0, |a| a / row.sd_m)
             };
             let mut column: Vec<f64> = data.rows.iter().map(value).collect();
             data.errors.whiten(&data.rows, &mut column);
@@ -245,28 +262,20 @@ impl Normal {
         least_looked_at(at, -4.0, mean + 4.0, steps)
     }
 
-    /// The forcing at all knots, and then the moves of the variables, in units of what was known of each.
-    pub(crate) fn mean(&self, found: &Found) -> Option<Vec<f64>> {
+    /// The forcing at the knots of each component, and the moves of the variables, in units of what was known of each.
+    pub(crate) fn mean(&self, found: &Found) -> Option<(Vec<Vec<f64>>, Vec<f64>)> {
         let (factor, _) = self.factored(found.belief)?;
-        Some(factor.solve(self.right.as_slice()))
-    }
-
-    /// The moves of the variables alone.
-    pub(crate) fn moves(&self, found: &Found) -> Option<Vec<f64>> {
-        Some(self.mean(found)?.split_off(self.knots * self.components))
+        let mut mean = factor.solve(self.right.as_slice());
+        let moves = mean.split_off(self.knots * self.components);
+        Some((mean.chunks(self.knots.max(1)).map(<[f64]>::to_vec).collect(), moves))
     }
 
     /// The forcing of a belief.
     pub(crate) fn solved(&self, found: &Found) -> Option<Solution> {
         let (factor, _) = self.factored(found.belief)?;
-        let mean = factor.solve(self.right.as_slice());
-        let sd = factor.inverse_diagonal();
-        let of = |values: &[f64], c: usize| values[c * self.knots..(c + 1) * self.knots].to_vec();
-        let sd: Vec<f64> = sd.iter().map(|v| v.sqrt()).collect();
-        Some(Solution {
-            forcing: (0..self.components).map(|c| of(&mean, c)).collect(),
-            sd: (0..self.components).map(|c| of(&sd, c)).collect(),
-        })
+        let sd: Vec<f64> = factor.inverse_diagonal().iter().map(|v| v.sqrt()).collect();
+        let sd = sd.chunks(self.knots.max(1)).take(self.components).map(<[f64]>::to_vec).collect();
+        Some(Solution { forcing: self.mean(found)?.0, sd })
     }
 }
 
@@ -376,7 +385,8 @@ mod tests {
         let mut random = fastrand::Rng::with_seed(3);
         let mut column = || (0..rows).map(|_| 4.0 * (random.f64() - 0.5)).collect::<Vec<f64>>();
         let columns: Vec<Vec<f64>> = (0..knots).map(|_| column()).collect();
-        let data = Data { rows: Vec::new(), errors: Errors::BELIEVED, y: column(), slopes: vec![column()] };
+        let (y, slopes) = (column(), vec![column()]);
+        let data = Data { rows: Vec::new(), errors: Errors::BELIEVED, y, slopes };
         let normal = Normal::of(&data, columns.clone(), 1);
         let belief = Belief { process: PROCESSES[1], log_power: 0.5 };
         let found = normal.judged(belief).unwrap();

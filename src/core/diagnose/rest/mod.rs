@@ -4,14 +4,15 @@
 //! 1. What the fitted model leaves of a run is averaged in [`cells`].
 //! 2. At each of the [`places`], the [`response`] to a [`pulse`] is simulated: the head of the supply, a flow out at
 //!    the valve or along the pipe, a head added at a sensor, a strain of the wall.
-//! 3. The forcing at a place is a linear [`inverse`] problem with a closed-form evidence, by which the places are
-//!    [`ranking`].
+//! 3. The forcing at a place is a linear [`inverse`] problem about one that is supposed ([`forced`]). Its evidence has
+//!    a closed form, by which the places are [`ranking`].
 //! 4. The forcing at the best places is described: its [`waveform`], the [`law`] that it follows, and both in
 //!    [`words`].
 
 pub(crate) mod cells;
 pub mod draft;
 pub mod explanation;
+pub(crate) mod forced;
 pub(crate) mod inverse;
 pub mod law;
 pub(crate) mod places;
@@ -30,8 +31,7 @@ use crate::diagnose::rest::cells::{CELLS, Run, Times};
 use crate::diagnose::rest::explanation::{Explanation, Site};
 use crate::diagnose::rest::law::{Followed, law_of};
 use crate::diagnose::rest::places::{Spot, places};
-use crate::diagnose::rest::pulse::REACH;
-use crate::diagnose::rest::ranking::{Contender, contenders, doubt, normal, resolved};
+use crate::diagnose::rest::ranking::{Contender, contenders, doubt, normal, nothing, resolved};
 use crate::diagnose::rest::resolution::{coarsest, resolutions};
 use crate::diagnose::rest::response::{met, response};
 use crate::diagnose::rest::waveform::Waveform;
@@ -81,7 +81,8 @@ pub fn explain(
         let times = resolved(&run, &spots, &resolutions(&run))?;
         let found = contenders(run, again, &spots, &times)?;
         // What no forcing leaves is judged where the variables are best without.
-        let nothing = found.iter().map(|c| c.nothing.evidence).fold(f64::NEG_INFINITY, f64::max);
+        let Some(errors) = found.first().map(|c| c.data.errors) else { continue };
+        let nothing = nothing(&again()?, &times, errors)?;
         for contender in found {
             let name = contender.spot.name(&contender.run);
             let evidence = contender.found.evidence - nothing;
@@ -167,7 +168,7 @@ impl Kind<'_> {
     fn position_m(&self) -> Option<(f64, f64, f64)> {
         let along = || self.runs.iter().map(|(c, ..)| c).filter(|c| c.spot.position_m().is_some());
         // All runs say alike of a place before all sensors: somewhere there.
-        let says_more = if along().all(|c| c.before_sensors_m().is_some()) { 1 } else { self.runs.len() };
+        let says_more = if along().all(|c| c.spot.before_sensors_m(&c.run).is_some()) { 1 } else { self.runs.len() };
         let all: Vec<(f64, f64)> = along().take(says_more).map(Contender::position_m).collect();
         let weight: f64 = all.iter().map(|(_, error)| error.powi(-2)).sum();
         let mean = all.iter().map(|(at, error)| at * error.powi(-2)).sum::<f64>() / weight;
@@ -189,7 +190,7 @@ impl Kind<'_> {
 /// Whether one of two places is the supply and the other lies between it and all sensors: waves that pass the first
 /// sensor are all that either sends, so there is a waveform of each that no sensor can tell from the other's.
 fn is_same_wave(one: &Kind, other: &Kind) -> bool {
-    let is_before = |kind: &Kind| kind.runs.iter().all(|(c, ..)| c.before_sensors_m().is_some());
+    let is_before = |kind: &Kind| kind.runs.iter().all(|(c, ..)| c.spot.before_sensors_m(&c.run).is_some());
     (one.is_supply() && is_before(other)) || (is_before(one) && other.is_supply())
 }
 
@@ -229,8 +230,7 @@ fn described(kind: &Kind, probability: f64) -> Result<Option<Explanation>, Model
         for (series, answer) in [(&mut at.head_m, &component[sensors]), (&mut at.flow_m3_s, &component[sensors + 1])] {
             for (cell, value) in series.iter_mut().enumerate() {
                 for (k, f) in forcing.iter().enumerate() {
-                    let since = cell as i64 + CELLS as i64 * (times.before as i64 - k as i64 + REACH as i64);
-                    *value += usize::try_from(since).ok().and_then(|i| answer.get(i)).map_or(0.0, |a| a * f);
+                    *value += times.since(cell, k).and_then(|i| answer.get(i)).map_or(0.0, |a| a * f);
                 }
             }
         }

@@ -42,12 +42,26 @@ pub(crate) fn places(rig: &Rig, run: &Run) -> Vec<Spot> {
 }
 
 impl Spot {
-    /// Whether two places are of one kind: the same, or on one pipe.
-    pub(crate) fn is_alike(&self, other: &Spot) -> bool {
+    /// Whether two places are of one kind: the same, or on one pipe, either both before all sensors or neither.
+    pub(crate) fn is_alike(&self, other: &Spot, run: &Run) -> bool {
         match (self, other) {
-            (Spot::Pipe(a, _), Spot::Pipe(b, _)) => a == b,
+            (Spot::Pipe(a, _), Spot::Pipe(b, _)) => {
+                a == b && self.before_sensors_m(run).is_some() == other.before_sensors_m(run).is_some()
+            }
             (a, b) => a == b,
         }
+    }
+
+    /// Position of the first sensor, m, where the place lies on the pipe between the supply and it: what leaves there
+    /// sends on the same waves as the supply could.
+    pub(crate) fn before_sensors_m(&self, run: &Run) -> Option<f64> {
+        let rig = run.problem.model.rig;
+        let graph = &rig.graph;
+        let alone = graph.lines.len() == 1 && graph.nodes[graph.supply()].kind.holds_given_head();
+        let first_m = run.data().sensors.iter().map(|s| s.sensor.position_m).fold(f64::INFINITY, f64::min);
+        // A place next to the sensor may be on either side of it.
+        let is_before = self.position_m().is_some_and(|at| at < first_m + self.spacing_m(rig));
+        (alone && is_before).then_some(first_m)
     }
 
     /// Distance from the middle of its pipe, m; none of a place that is not on one.
@@ -59,7 +73,10 @@ impl Spot {
     pub(crate) fn name(&self, run: &Run) -> String {
         match self {
             Spot::Sensor(s) => format!("sensor@{}", run.data().sensors[*s].sensor.name),
-            Spot::Pipe(pipe, _) => format!("pipe@{}", pipe.as_deref().unwrap_or_default()),
+            Spot::Pipe(pipe, _) => {
+                let side = if self.before_sensors_m(run).is_some() { "before" } else { "pipe" };
+                format!("{side}@{}", pipe.as_deref().unwrap_or_default())
+            }
             Spot::Supply | Spot::Valve | Spot::Wall => format!("{self:?}"),
         }
     }
@@ -82,11 +99,12 @@ impl Spot {
         line.unwrap_or_else(|| rig.graph.line_to_valve())
     }
 
-    /// Places along its pipe at some distances, m, as far as they are on it; itself where it is not on a pipe.
-    pub(crate) fn moved(&self, rig: &Rig, by_m: &[f64]) -> Vec<Spot> {
+    /// Places of its kind at some distances along its pipe, m; itself where it is not on a pipe.
+    pub(crate) fn moved(&self, run: &Run, by_m: &[f64]) -> Vec<Spot> {
         let Spot::Pipe(pipe, position_m) = self else { return vec![self.clone()] };
+        let rig = run.problem.model.rig;
         let length_m = rig.line_length_m(self.line(rig));
         let inside = by_m.iter().map(|by| position_m + by).filter(|at| (0.01..0.99).contains(&(at / length_m)));
-        inside.map(|at| Spot::Pipe(pipe.clone(), at)).collect()
+        inside.map(|at| Spot::Pipe(pipe.clone(), at)).filter(|near| near.is_alike(self, run)).collect()
     }
 }

@@ -2,12 +2,13 @@
 //!
 //! A fit that lacks a forcing has moved its variables to make up for it. So they first go back to what the instruments
 //! say; all places are screened there. The best place of each kind then contends: variables and forcing move together,
-//! and a place along a pipe with them (Gauss-Newton).
+//! and a place along a pipe with them (Gauss-Newton). What a forcing leaves counts as error there.
 
 use rayon::prelude::*;
 
 use crate::diagnose::evidence::tempered;
 use crate::diagnose::rest::cells::{Run, Times};
+use crate::diagnose::rest::forced::Forced;
 use crate::diagnose::rest::inverse::{Data, Errors, Found, Normal, PROCESSES, Process, columns};
 use crate::diagnose::rest::places::Spot;
 use crate::diagnose::rest::response::response;
@@ -32,29 +33,16 @@ pub(crate) struct Contender<'a> {
     pub(crate) run: Run<'a>,
     pub(crate) spot: Spot,
     pub(crate) found: Found,
-    /// The evidence for no forcing, at the same values of the variables.
-    pub(crate) nothing: Found,
     pub(crate) data: Data,
     /// Along a pipe, the places about it that were tried, m, with their evidence.
     pub(crate) tried: Vec<(f64, f64)>,
 }
 
 impl Contender<'_> {
-    /// Position of the first sensor, m, where the place lies on the pipe between the supply and it.
-    pub(crate) fn before_sensors_m(&self) -> Option<f64> {
-        let rig = self.run.problem.model.rig;
-        let graph = &rig.graph;
-        let alone = graph.lines.len() == 1 && graph.nodes[graph.supply()].kind.holds_given_head();
-        let first_m = self.run.data().sensors.iter().map(|s| s.sensor.position_m).fold(f64::INFINITY, f64::min);
-        // A place next to the sensor may be on either side of it.
-        let is_before = self.spot.position_m().is_some_and(|at| at < first_m + self.spot.spacing_m(rig));
-        (alone && is_before).then_some(first_m)
-    }
-
     /// Position along a pipe and its standard error, m: before all sensors anywhere as probable, else the mean over
     /// those that were tried, each for the stretch to its neighbours.
     pub(crate) fn position_m(&self) -> (f64, f64) {
-        if let Some(first_m) = self.before_sensors_m() {
+        if let Some(first_m) = self.spot.before_sensors_m(&self.run) {
             return (0.5 * first_m, first_m / 12f64.sqrt());
         }
         let mut tried = self.tried.clone();
@@ -72,14 +60,15 @@ impl Contender<'_> {
     }
 }
 
-/// What the run leaves at its variables' values, against which a forcing is judged with errors as they are; and how far
-/// each free variable may move.
-fn data(run: &Run, times: &Times, errors: Errors) -> Result<(Data, Vec<(f64, f64)>), ModelError> {
+/// What the run leaves at its variables' values, with errors as they are believed to be; and how far each free variable
+/// may move.
+fn data(run: &Run, times: &Times) -> Result<(Data, Vec<(f64, f64)>), ModelError> {
     let cells = run.rows(times);
     let mut y = run.left_in(&run.x, &cells, true)?;
     let mut slopes = run.slopes(&cells)?;
     slopes.extend(run.errors_of_model(times, &cells, &y));
     let rows = cells.0;
+    y.iter_mut().zip(run.bend_m(&rows)?).for_each(|(y, bend)| *y -= bend);
     for column in slopes.iter_mut().chain([&mut y]) {
         column.iter_mut().zip(&rows).for_each(|(c, row)| *c /= row.sd_m);
     }
@@ -95,8 +84,7 @@ fn data(run: &Run, times: &Times, errors: Errors) -> Result<(Data, Vec<(f64, f64
         slope.iter_mut().for_each(|s| *s *= sd);
         reach.push((towards, sd));
     }
-    slopes.iter_mut().chain([&mut y]).for_each(|column| errors.whiten(&rows, column));
-    Ok((Data { rows, errors, y, slopes }, reach))
+    Ok((Data { rows, errors: Errors::BELIEVED, y, slopes }, reach))
 }
 
 /// Moves the variables to where they are when what the model leaves counts as an error: samples whose errors are alike
@@ -110,9 +98,9 @@ pub(crate) fn doubt(run: &mut Run, times: &Times) -> Result<(), ModelError> {
         let cells = run.rows(times);
         let left = run.left_in(&run.x, &cells, true)?;
         let left: Vec<f64> = left.iter().zip(&cells.0).map(|(l, row)| l / row.sd_m).collect();
-        let (data, reach) = data(run, times, Errors::of(&left))?;
-        let alone = Normal::of(&data, Vec::new(), 0);
-        let moves = alone.best(PROCESSES[0], QUICK).and_then(|found| alone.moves(&found)).unwrap_or_default();
+        let (believed, reach) = data(run, times)?;
+        let alone = Normal::of(&believed.under(Errors::of(&left)), Vec::new(), 0);
+        let moves = alone.best(PROCESSES[0], QUICK).and_then(|found| alone.mean(&found)).unwrap_or_default().1;
         run.step(&steps(&moves, &reach));
     }
     Ok(())
@@ -139,7 +127,7 @@ pub(crate) fn normal(run: &Run, data: &Data, spot: &Spot, times: &Times) -> Resu
 /// As [`Run::left_in`].
 pub(crate) fn resolved(run: &Run, spots: &[Spot], times: &[Times]) -> Result<Times, ModelError> {
     let off_middle_m = |spot: &Spot| spot.off_middle_m(run.problem.model.rig);
-    let spots = best_of_each_kind(spots.iter().map(|spot| (spot.clone(), -off_middle_m(spot))).collect());
+    let spots = best_of_each_kind(run, spots.iter().map(|spot| (spot.clone(), -off_middle_m(spot))).collect());
     let gains = times.iter().map(|times| Ok((gain(run, &spots, times)?, *times)));
     let gains = gains.collect::<Result<Vec<_>, ModelError>>()?;
     let best = gains.into_iter().max_by(|a, b| a.0.total_cmp(&b.0));
@@ -149,25 +137,25 @@ pub(crate) fn resolved(run: &Run, spots: &[Spot], times: &[Times]) -> Result<Tim
 /// The evidence over none of a forcing at the best of some places, with errors as it leaves them: knots too coarse for
 /// a forcing leave much of it, and what they leave is no noise.
 fn gain(run: &Run, spots: &[Spot], times: &Times) -> Result<f64, ModelError> {
-    let believed = data(run, times, Errors::BELIEVED)?.0;
+    let believed = data(run, times)?.0;
     let processes = [vec![PROCESSES[1]], tones(&believed, times)].concat();
     let rests: Vec<_> = spots.par_iter().map(|spot| rest(run, &believed, spot, times, &processes)).collect();
     // A place that cannot be simulated is no candidate.
     let found = spots.iter().zip(rests).filter_map(|(spot, rest)| Some((spot, rest.ok()??)));
     let best = found.max_by(|a, b| a.1.0.evidence.total_cmp(&b.1.0.evidence));
     let Some((spot, (found, rest))) = best else { return Ok(f64::NEG_INFINITY) };
-    let data = data(run, times, Errors::of(&rest))?.0;
+    let data = believed.under(Errors::of(&rest));
     let with = normal(run, &data, spot, times)?.best(found.belief.process, QUICK);
     let without = Normal::of(&data, Vec::new(), 0).judged(found.belief);
     Ok(with.zip(without).map_or(f64::NEG_INFINITY, |(with, without)| with.evidence - without.evidence))
 }
 
 /// The best place of each kind, the best first.
-fn best_of_each_kind(mut scored: Vec<(Spot, f64)>) -> Vec<Spot> {
+fn best_of_each_kind(run: &Run, mut scored: Vec<(Spot, f64)>) -> Vec<Spot> {
     scored.sort_by(|a, b| b.1.total_cmp(&a.1));
     let mut best: Vec<Spot> = Vec::new();
     for (spot, _) in scored {
-        if !best.iter().any(|other| other.is_alike(&spot)) {
+        if !best.iter().any(|other| other.is_alike(&spot, run)) {
             best.push(spot);
         }
     }
@@ -187,12 +175,8 @@ fn rest(
     let columns = columns(data, &response, times);
     let normal = Normal::of(data, columns.clone(), response.len());
     let found = processes.iter().filter_map(|process| normal.best(*process, QUICK)).reduce(better);
-    let Some(found) = found else { return Ok(None) };
-    let mut rest = data.y.clone();
-    for (x, column) in normal.mean(&found).iter().flatten().zip(columns.iter().chain(&data.slopes)) {
-        rest.iter_mut().zip(column).for_each(|(r, c)| *r -= x * c);
-    }
-    Ok(Some((found, rest)))
+    let mean = found.as_ref().and_then(|found| normal.mean(found));
+    Ok(found.zip(mean).map(|(found, mean)| (found, data.rest(&columns, &mean))))
 }
 
 /// The contenders of a run that is in [`doubt`]: of each kind of place the best one, with the model's variables where
@@ -206,12 +190,12 @@ pub(crate) fn contenders<'a>(
     spots: &[Spot],
     times: &Times,
 ) -> Result<Vec<Contender<'a>>, ModelError> {
-    let screened = data(&run, times, Errors::BELIEVED)?.0;
+    let screened = data(&run, times)?.0;
     let judged = |spot: &Spot| {
         let found = normal(&run, &screened, spot, times).ok()?.best(PROCESSES[1], QUICK)?;
         Some((spot.clone(), found.evidence))
     };
-    let best = best_of_each_kind(spots.par_iter().filter_map(judged).collect());
+    let best = best_of_each_kind(&run, spots.par_iter().filter_map(judged).collect());
     let tones = tones(&screened, times);
     let x = run.x.clone();
     let settled = |spot: Spot| -> Result<Option<Settled<'a>>, ModelError> {
@@ -222,7 +206,7 @@ pub(crate) fn contenders<'a>(
     let settled: Vec<Option<Settled>> = best.into_par_iter().map(settled).collect::<Result<_, _>>()?;
     let settled: Vec<Settled> = settled.into_iter().flatten().collect();
     // What the best place leaves says how the errors are, for all of them.
-    let rest = |s: &Settled| rest(&s.run, &data(&s.run, times, Errors::BELIEVED)?.0, &s.spot, times, &[s.process]);
+    let rest = |s: &Settled| rest(&s.run, &data(&s.run, times)?.0, &s.spot, times, &[s.process]);
     let rests: Vec<Option<(Found, Vec<f64>)>> = settled.par_iter().map(rest).collect::<Result<_, _>>()?;
     let best = rests.into_iter().flatten().max_by(|a, b| a.0.evidence.total_cmp(&b.0.evidence));
     let Some((_, rest)) = best else { return Ok(Vec::new()) };
@@ -230,6 +214,15 @@ pub(crate) fn contenders<'a>(
     let judged: Vec<Option<Contender>> =
         settled.into_par_iter().map(|settled| settled.judged(times, errors)).collect::<Result<_, _>>()?;
     Ok(judged.into_iter().flatten().collect())
+}
+
+/// The evidence for no forcing at a run's variables, with given errors.
+///
+/// # Errors
+/// As [`Run::left_in`].
+pub(crate) fn nothing(run: &Run, times: &Times, errors: Errors) -> Result<f64, ModelError> {
+    let alone = Normal::of(&data(run, times)?.0.under(errors), Vec::new(), 0);
+    Ok(alone.best(PROCESSES[0], QUICK).map_or(f64::NEG_INFINITY, |found| found.evidence))
 }
 
 /// A place, with the variables where they are best with a forcing there.
@@ -245,11 +238,11 @@ impl<'a> Settled<'a> {
     /// With errors as they are.
     fn judged(self, times: &Times, errors: Errors) -> Result<Option<Contender<'a>>, ModelError> {
         let Settled { run, spot, process, step_m } = self;
-        let (data, _) = data(&run, times, errors)?;
+        let data = data(&run, times)?.0.under(errors);
         let here = normal(&run, &data, &spot, times)?;
         let Some(found) = here.best(process, THOROUGH) else { return Ok(None) };
         let mut tried = Vec::new();
-        for near in spot.moved(run.problem.model.rig, &[0.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0].map(|by| by * step_m)) {
+        for near in spot.moved(&run, &[0.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0].map(|by| by * step_m)) {
             if let Some(found) = normal(&run, &data, &near, times)?.judged(found.belief) {
                 tried.push((near, found));
             }
@@ -257,13 +250,13 @@ impl<'a> Settled<'a> {
         let Some((spot, found)) = tried.iter().max_by(|a, b| a.1.evidence.total_cmp(&b.1.evidence)).cloned() else {
             return Ok(None);
         };
-        let Some(nothing) = Normal::of(&data, Vec::new(), 0).judged(found.belief) else { return Ok(None) };
         let tried = tried.into_iter().filter_map(|(spot, found)| Some((spot.position_m()?, found.evidence))).collect();
-        Ok(Some(Contender { run, spot, found, nothing, data, tried }))
+        Ok(Some(Contender { run, spot, found, data, tried }))
     }
 }
 
-/// Moves the variables, and along a pipe the place, to where they are with a forcing there.
+/// Moves the variables, and along a pipe the place, to where they are with a forcing there. What it leaves counts as
+/// error: otherwise the variables go wherever that makes up for what its knots cannot follow.
 fn settled<'a>(
     mut run: Run<'a>,
     mut spot: Spot,
@@ -271,13 +264,22 @@ fn settled<'a>(
     tones: &[Process],
 ) -> Result<Option<Settled<'a>>, ModelError> {
     let mut process = PROCESSES[1];
+    let mut errors = None;
     // The variables move a place by some spacings.
     let mut step_m = 4.0 * spot.spacing_m(run.problem.model.rig);
     for round in 1..=ROUNDS {
-        let (data, reach) = data(&run, times, Errors::BELIEVED)?;
+        let (believed, reach) = data(&run, times)?;
+        let own = match errors {
+            Some(errors) => errors,
+            None => match rest(&run, &believed, &spot, times, &[process])? {
+                Some((_, rest)) => Errors::of(&rest),
+                None => return Ok(None),
+            },
+        };
+        let data = believed.under(own);
         step_m *= 0.5;
         let mut best: Option<(Spot, Found, Normal)> = None;
-        for near in spot.moved(run.problem.model.rig, &[0.0, -step_m, step_m]) {
+        for near in spot.moved(&run, &[0.0, -step_m, step_m]) {
             let normal = normal(&run, &data, &near, times)?;
             // A step along a pipe changes the forcing's power little.
             let found = best.as_ref().map_or_else(|| normal.best(process, QUICK), |(_, b, _)| normal.judged(b.belief));
@@ -289,9 +291,13 @@ fn settled<'a>(
         let Some((near, found, normal)) = best else { return Ok(None) };
         let others = PROCESSES.iter().chain(tones).filter(|p| **p != process && round == 2);
         let found = others.filter_map(|p| normal.best(*p, QUICK)).fold(found, better);
-        let Some(solution) = normal.moves(&found) else { return Ok(None) };
+        let Some(mean) = normal.mean(&found) else { return Ok(None) };
         (spot, process) = (near, found.belief.process);
-        run.step(&steps(&solution, &reach));
+        errors = Some(Errors::of(&believed.rest(&columns(&believed, &response(&run, &spot, times)?, times), &mean)));
+        run.step(&steps(&mean.1, &reach));
+        // What is added to a reading changes no flow.
+        let flows = !matches!(spot, Spot::Sensor(_));
+        run.forced = flows.then(|| Forced { spot: spot.clone(), times: *times, knots: mean.0 });
     }
     Ok(Some(Settled { run, spot, process, step_m }))
 }

@@ -6,7 +6,7 @@
 
 use crate::diagnose::rest::cells::{CELLS, Run, Times};
 use crate::diagnose::rest::places::{MODES, Spot};
-use crate::diagnose::rest::pulse::{self, REACH, Spline, spline};
+use crate::diagnose::rest::pulse::{self, Curve, REACH, spline};
 use crate::model::effects::Chosen;
 use crate::model::trace::{Probe, Trace};
 use crate::model::{Model, ModelError, Resolution};
@@ -32,8 +32,7 @@ pub(crate) struct Met {
 /// # Errors
 /// As [`Model::simulate`].
 pub(crate) fn met(run: &Run, spot: &Spot, times: &Times) -> Result<Met, ModelError> {
-    let still = Spline { size: 0.0, at_s: 0.0, width_s: times.knot_s };
-    let traces = traces(run, spot, pulse::at_valve(still), times.end_s())?;
+    let traces = traces(run, &run.x, spot, &[], times.end_s())?;
     let [head, flow] = [2, 1].map(|from_last| {
         let trace = &traces[traces.len() - from_last];
         (0..times.cells()).map(|c| trace.at((c as f64 + 0.5) * times.cell_s())).collect()
@@ -85,28 +84,18 @@ pub(crate) fn response(run: &Run, spot: &Spot, times: &Times) -> Result<Response
         Spot::Valve | Spot::Pipe(..) => SMALL * surge_m * crate::units::GRAVITY_M_S2 * area_m2 / speed_m_s,
         Spot::Wall => SMALL * surge_m * crate::units::GRAVITY_M_S2 / (2.0 * speed_m_s.powi(2)),
     };
-    let forced = |size: f64, mode: usize| {
-        let pulse = Spline { size, at_s, width_s: times.knot_s };
-        match spot {
-            Spot::Supply => pulse::at_supply(pulse),
-            Spot::Valve => pulse::at_valve(pulse),
-            Spot::Pipe(pipe, position_m) => pulse::on_pipe(pulse, pipe.clone(), *position_m),
-            Spot::Wall | Spot::Sensor(_) => pulse::in_wall(pulse, mode),
-        }
-    };
     let full = size;
     let modes = if *spot == Spot::Wall { MODES } else { 1 };
-    let still = traces(run, spot, forced(0.0, 0), times.end_s() + at_s)?;
+    let still = traces(run, &run.x, spot, &[], times.end_s() + at_s)?;
     (0..modes)
         .map(|mode| {
-            // A wave has less of the higher modes.
-            let size = size / (2 * mode + 1) as f64;
-            let moved = traces(run, spot, forced(size, mode), times.end_s() + at_s)?;
+            let pulse = Curve { sizes: vec![size], first_s: at_s, width_s: times.knot_s };
+            let moved = traces(run, &run.x, spot, &[forcing(spot, pulse, mode)], times.end_s() + at_s)?;
             let of = |(with, without): (&Trace, &Trace)| {
+                let begin_s = at_s - REACH as f64 * times.knot_s;
                 let answer = |cell: usize| {
-                    let at = |part: f64| at_s - REACH as f64 * times.knot_s + (cell as f64 + part) * times.cell_s();
-                    let parts = [1.0 / 6.0, 0.5, 5.0 / 6.0];
-                    parts.iter().map(|&p| (with.at(at(p)) - without.at(at(p))) / full).sum::<f64>() / 3.0
+                    let cell_s = begin_s + cell as f64 * times.cell_s();
+                    (cell_mean(with, cell_s, times) - cell_mean(without, cell_s, times)) / full
                 };
                 (0..times.cells() + (times.before + REACH) * CELLS).map(answer).collect()
             };
@@ -115,19 +104,36 @@ pub(crate) fn response(run: &Run, spot: &Spot, times: &Times) -> Result<Response
         .collect()
 }
 
-/// Heads at the run's sensors, as each shows them, then head and flow at a place.
-fn traces(
+/// Mean of a trace over a cell that begins at a time.
+pub(super) fn cell_mean(trace: &Trace, begin_s: f64, times: &Times) -> f64 {
+    [1.0 / 6.0, 0.5, 5.0 / 6.0].map(|part| trace.at(begin_s + part * times.cell_s())).iter().sum::<f64>() / 3.0
+}
+
+/// A forcing at a place, of the wall in one of its modes: a wave has less of the higher ones.
+pub(super) fn forcing(spot: &Spot, mut curve: Curve, mode: usize) -> (Chosen, Vec<f64>) {
+    curve.sizes.iter_mut().for_each(|size| *size /= (2 * mode + 1) as f64);
+    match spot {
+        Spot::Supply => pulse::at_supply(curve),
+        Spot::Valve => pulse::at_valve(curve),
+        Spot::Pipe(pipe, position_m) => pulse::on_pipe(curve, pipe.clone(), *position_m),
+        Spot::Wall | Spot::Sensor(_) => pulse::in_wall(curve, mode),
+    }
+}
+
+/// Heads at the run's sensors, as each shows them, then head and flow at a place, under some forcings.
+pub(super) fn traces(
     run: &Run,
+    x: &[f64],
     spot: &Spot,
-    (pulse, pulse_values): (Chosen, Vec<f64>),
+    forcings: &[(Chosen, Vec<f64>)],
     duration_s: f64,
 ) -> Result<Vec<Trace>, ModelError> {
-    let (model, values) = (run.problem.model, run.problem.values(&run.x));
+    let (model, values) = (run.problem.model, run.problem.values(x));
     let shared = &values[..model.shared.len()];
-    let effects: Vec<Chosen> = model.effects.iter().cloned().chain([pulse]).collect();
+    let effects: Vec<Chosen> = model.effects.iter().chain(forcings.iter().map(|f| &f.0)).cloned().collect();
     let data = run.data();
     let forced = Model::new(model.rig, &data.conditions.water, &effects);
-    let with: Vec<f64> = [shared, &pulse_values].concat();
+    let with: Vec<f64> = shared.iter().chain(forcings.iter().flat_map(|f| &f.1)).copied().collect();
     let mut conditions = data.conditions.clone();
     if let Some((time_s, _)) = &mut conditions.supply_deviation {
         let start_s = run.start_s();
