@@ -4,7 +4,6 @@
 //! is slow; and the share of the surge by which two right solvers differ.
 
 use crate::diagnose::limits::MODEL_ERROR;
-use crate::diagnose::rest::forced::Forced;
 use crate::diagnose::rest::pulse::REACH;
 use crate::extent::ends;
 use crate::fit::data::run_data::RunData;
@@ -76,8 +75,6 @@ pub(crate) struct Run<'a> {
     pub(crate) beliefs: Vec<Option<(f64, f64)>>,
     /// Variables of the fit.
     pub(crate) x: Vec<f64>,
-    /// The forcing that is supposed.
-    pub(crate) forced: Option<Forced>,
     /// Heads without hum, m.
     heads_m: Vec<Vec<f64>>,
     fine: usize,
@@ -119,7 +116,6 @@ impl<'a> Run<'a> {
             fine: fit.reaches,
             coarse,
             grid_error_m: fit.grid_error_m,
-            forced: None,
             x,
         };
         let left = run.left_m(&run.x.clone(), run.fine)?;
@@ -238,28 +234,19 @@ impl<'a> Run<'a> {
         (0..self.heads_m.len()).flat_map(of).collect()
     }
 
-    /// What the supposed forcing does in each row beyond the sum of its linear answers, m.
+    /// How the heads change in each row with each free variable, m: the model's, and what else is `done` to each row.
     ///
     /// # Errors
     /// As [`Model::simulate`].
-    pub(crate) fn bend_m(&self, rows: &[Row]) -> Result<Vec<f64>, ModelError> {
-        let Some(forced) = &self.forced else { return Ok(vec![0.0; rows.len()]) };
-        let (done, linear) = (forced.done_m(self, &self.x)?, forced.linear_m(self)?);
-        Ok(in_rows(rows, &done).iter().zip(in_rows(rows, &linear)).map(|(done, linear)| done - linear).collect())
-    }
-
-    /// How the model's heads change in each row with each free variable, m.
-    ///
-    /// # Errors
-    /// As [`Model::simulate`].
-    pub(crate) fn slopes(&self, rows: &(Vec<Row>, Vec<std::ops::Range<usize>>)) -> Result<Vec<Vec<f64>>, ModelError> {
+    pub(crate) fn slopes(
+        &self,
+        rows: &(Vec<Row>, Vec<std::ops::Range<usize>>),
+        done: impl Fn(&[f64]) -> Result<Vec<f64>, ModelError> + Sync,
+    ) -> Result<Vec<Vec<f64>>, ModelError> {
         use rayon::prelude::*;
         let left_in = |x: &[f64]| -> Result<Vec<f64>, ModelError> {
             let mut left = self.left_in(x, rows, false)?;
-            if let Some(forced) = &self.forced {
-                let done = in_rows(&rows.0, &forced.done_m(self, x)?);
-                left.iter_mut().zip(done).for_each(|(l, d)| *l -= d);
-            }
+            left.iter_mut().zip(done(x)?).for_each(|(l, d)| *l -= d);
             Ok(left)
         };
         let base = left_in(&self.x)?;
@@ -285,11 +272,6 @@ impl<'a> Run<'a> {
             self.x = moved;
         }
     }
-}
-
-/// Values by sensors and cells, in each row; zero before the closure.
-fn in_rows(rows: &[Row], values: &[Vec<f64>]) -> Vec<f64> {
-    rows.iter().map(|row| row.cell.map_or(0.0, |cell| values[row.sensor][cell])).collect()
 }
 
 /// Mean of the samples of each row.

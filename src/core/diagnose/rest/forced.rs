@@ -4,7 +4,7 @@
 //! without. So a round that looks for a forcing starts from what the one of the round before does in a simulation, and
 //! its linear answers stand for the change alone (defect correction: Stetter 1978, Numer. Math. 29, 425).
 
-use crate::diagnose::rest::cells::{Run, Times};
+use crate::diagnose::rest::cells::{Row, Run, Times};
 use crate::diagnose::rest::places::Spot;
 use crate::diagnose::rest::pulse::{Curve, REACH};
 use crate::diagnose::rest::response::{cell_mean, forcing, response, traces};
@@ -26,6 +26,23 @@ impl Forced {
     /// Its first knot that begins after the closure does. Earlier ones stay linear.
     fn first(&self) -> usize {
         self.times.before + REACH
+    }
+
+    /// What it does in each row, under the model at `x`, m.
+    ///
+    /// # Errors
+    /// As [`Model::simulate`].
+    pub(crate) fn in_rows(&self, run: &Run, x: &[f64], rows: &[Row]) -> Result<Vec<f64>, ModelError> {
+        Ok(of_rows(rows, &self.done_m(run, x)?))
+    }
+
+    /// What it does in each row beyond the sum of its linear answers, m.
+    ///
+    /// # Errors
+    /// As [`Model::simulate`].
+    pub(crate) fn bend_m(&self, run: &Run, rows: &[Row]) -> Result<Vec<f64>, ModelError> {
+        let linear = of_rows(rows, &self.linear_m(run)?);
+        Ok(self.in_rows(run, &run.x, rows)?.iter().zip(linear).map(|(done, linear)| done - linear).collect())
     }
 
     /// What it does to each sensor in each cell, under the model at `x`, m.
@@ -69,4 +86,9 @@ impl Forced {
         let of = |s: usize| (0..times.cells()).map(|cell| in_cell(s, cell)).collect();
         Ok((0..run.data().sensors.len()).map(of).collect())
     }
+}
+
+/// Values by sensors and cells, in each row; zero before the closure.
+fn of_rows(rows: &[Row], values: &[Vec<f64>]) -> Vec<f64> {
+    rows.iter().map(|row| row.cell.map_or(0.0, |cell| values[row.sensor][cell])).collect()
 }

@@ -60,15 +60,18 @@ impl Contender<'_> {
     }
 }
 
-/// What the run leaves at its variables' values, with errors as they are believed to be; and how far each free variable
-/// may move.
-fn data(run: &Run, times: &Times) -> Result<(Data, Vec<(f64, f64)>), ModelError> {
+/// What the run leaves at its variables' values, beside the forcing that is supposed, with errors as they are believed to
+/// be; and how far each free variable may move.
+fn data(run: &Run, forced: Option<&Forced>, times: &Times) -> Result<(Data, Vec<(f64, f64)>), ModelError> {
     let cells = run.rows(times);
     let mut y = run.left_in(&run.x, &cells, true)?;
-    let mut slopes = run.slopes(&cells)?;
+    let done = |x: &[f64]| forced.map_or_else(|| Ok(vec![0.0; y.len()]), |forced| forced.in_rows(run, x, &cells.0));
+    let mut slopes = run.slopes(&cells, done)?;
     slopes.extend(run.errors_of_model(times, &cells, &y));
     let rows = cells.0;
-    y.iter_mut().zip(run.bend_m(&rows)?).for_each(|(y, bend)| *y -= bend);
+    if let Some(forced) = forced {
+        y.iter_mut().zip(forced.bend_m(run, &rows)?).for_each(|(y, bend)| *y -= bend);
+    }
     for column in slopes.iter_mut().chain([&mut y]) {
         column.iter_mut().zip(&rows).for_each(|(c, row)| *c /= row.sd_m);
     }
@@ -98,7 +101,7 @@ pub(crate) fn doubt(run: &mut Run, times: &Times) -> Result<(), ModelError> {
         let cells = run.rows(times);
         let left = run.left_in(&run.x, &cells, true)?;
         let left: Vec<f64> = left.iter().zip(&cells.0).map(|(l, row)| l / row.sd_m).collect();
-        let (believed, reach) = data(run, times)?;
+        let (believed, reach) = data(run, None, times)?;
         let alone = Normal::of(&believed.under(Errors::of(&left)), Vec::new(), 0);
         let moves = alone.best(PROCESSES[0], QUICK).and_then(|found| alone.mean(&found)).unwrap_or_default().1;
         run.step(&steps(&moves, &reach));
@@ -137,7 +140,7 @@ pub(crate) fn resolved(run: &Run, spots: &[Spot], times: &[Times]) -> Result<Tim
 /// The evidence over none of a forcing at the best of some places, with errors as it leaves them: knots too coarse for
 /// a forcing leave much of it, and what they leave is no noise.
 fn gain(run: &Run, spots: &[Spot], times: &Times) -> Result<f64, ModelError> {
-    let believed = data(run, times)?.0;
+    let believed = data(run, None, times)?.0;
     let processes = [vec![PROCESSES[1]], tones(&believed, times)].concat();
     let rests: Vec<_> = spots.par_iter().map(|spot| rest(run, &believed, spot, times, &processes)).collect();
     // A place that cannot be simulated is no candidate.
@@ -190,7 +193,7 @@ pub(crate) fn contenders<'a>(
     spots: &[Spot],
     times: &Times,
 ) -> Result<Vec<Contender<'a>>, ModelError> {
-    let screened = data(&run, times)?.0;
+    let screened = data(&run, None, times)?.0;
     let judged = |spot: &Spot| {
         let found = normal(&run, &screened, spot, times).ok()?.best(PROCESSES[1], QUICK)?;
         Some((spot.clone(), found.evidence))
@@ -206,7 +209,7 @@ pub(crate) fn contenders<'a>(
     let settled: Vec<Option<Settled>> = best.into_par_iter().map(settled).collect::<Result<_, _>>()?;
     let settled: Vec<Settled> = settled.into_iter().flatten().collect();
     // What the best place leaves says how the errors are, for all of them.
-    let rest = |s: &Settled| rest(&s.run, &data(&s.run, times)?.0, &s.spot, times, &[s.process]);
+    let rest = |s: &Settled| rest(&s.run, &data(&s.run, s.forced.as_ref(), times)?.0, &s.spot, times, &[s.process]);
     let rests: Vec<Option<(Found, Vec<f64>)>> = settled.par_iter().map(rest).collect::<Result<_, _>>()?;
     let best = rests.into_iter().flatten().max_by(|a, b| a.0.evidence.total_cmp(&b.0.evidence));
     let Some((_, rest)) = best else { return Ok(Vec::new()) };
@@ -221,7 +224,7 @@ pub(crate) fn contenders<'a>(
 /// # Errors
 /// As [`Run::left_in`].
 pub(crate) fn nothing(run: &Run, times: &Times, errors: Errors) -> Result<f64, ModelError> {
-    let alone = Normal::of(&data(run, times)?.0.under(errors), Vec::new(), 0);
+    let alone = Normal::of(&data(run, None, times)?.0.under(errors), Vec::new(), 0);
     Ok(alone.best(PROCESSES[0], QUICK).map_or(f64::NEG_INFINITY, |found| found.evidence))
 }
 
@@ -229,6 +232,7 @@ pub(crate) fn nothing(run: &Run, times: &Times, errors: Errors) -> Result<f64, M
 struct Settled<'a> {
     run: Run<'a>,
     spot: Spot,
+    forced: Option<Forced>,
     process: Process,
     /// Distance of the places about it that are still of interest, m.
     step_m: f64,
@@ -237,8 +241,8 @@ struct Settled<'a> {
 impl<'a> Settled<'a> {
     /// With errors as they are.
     fn judged(self, times: &Times, errors: Errors) -> Result<Option<Contender<'a>>, ModelError> {
-        let Settled { run, spot, process, step_m } = self;
-        let data = data(&run, times)?.0.under(errors);
+        let Settled { run, spot, forced, process, step_m } = self;
+        let data = data(&run, forced.as_ref(), times)?.0.under(errors);
         let here = normal(&run, &data, &spot, times)?;
         let Some(found) = here.best(process, THOROUGH) else { return Ok(None) };
         let mut tried = Vec::new();
@@ -264,11 +268,11 @@ fn settled<'a>(
     tones: &[Process],
 ) -> Result<Option<Settled<'a>>, ModelError> {
     let mut process = PROCESSES[1];
-    let mut errors = None;
+    let (mut forced, mut errors) = (None, None);
     // The variables move a place by some spacings.
     let mut step_m = 4.0 * spot.spacing_m(run.problem.model.rig);
     for round in 1..=ROUNDS {
-        let (believed, reach) = data(&run, times)?;
+        let (believed, reach) = data(&run, forced.as_ref(), times)?;
         let own = match errors {
             Some(errors) => errors,
             None => match rest(&run, &believed, &spot, times, &[process])? {
@@ -297,9 +301,9 @@ fn settled<'a>(
         run.step(&steps(&mean.1, &reach));
         // What is added to a reading changes no flow.
         let flows = !matches!(spot, Spot::Sensor(_));
-        run.forced = flows.then(|| Forced { spot: spot.clone(), times: *times, knots: mean.0 });
+        forced = flows.then(|| Forced { spot: spot.clone(), times: *times, knots: mean.0 });
     }
-    Ok(Some(Settled { run, spot, process, step_m }))
+    Ok(Some(Settled { run, spot, forced, process, step_m }))
 }
 
 /// The tones that what is left may be.
