@@ -44,7 +44,7 @@ impl Times {
         (knot as f64 - self.before as f64) * self.knot_s
     }
 
-    /// Cells from the begin of the pulse at a knot to a cell: where in its answer that is. None of earlier ones.
+    /// Cells from the beginning of the pulse at a knot to a cell: where in its answer that is. None of earlier ones.
     pub(crate) fn since(&self, cell: usize, knot: usize) -> Option<usize> {
         (cell + CELLS * (self.before + REACH)).checked_sub(CELLS * knot)
     }

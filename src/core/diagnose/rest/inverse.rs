@@ -265,17 +265,20 @@ impl Normal {
     /// The forcing at the knots of each component, and the moves of the variables, in units of what was known of each.
     pub(crate) fn mean(&self, found: &Found) -> Option<(Vec<Vec<f64>>, Vec<f64>)> {
         let (factor, _) = self.factored(found.belief)?;
-        let mut mean = factor.solve(self.right.as_slice());
-        let moves = mean.split_off(self.knots * self.components);
-        Some((mean.chunks(self.knots.max(1)).map(<[f64]>::to_vec).collect(), moves))
+        Some(self.parted(factor.solve(self.right.as_slice())))
+    }
+
+    /// Values of all unknowns: those at the knots of each component, and those of the variables.
+    fn parted(&self, mut values: Vec<f64>) -> (Vec<Vec<f64>>, Vec<f64>) {
+        let moves = values.split_off(self.knots * self.components);
+        (values.chunks(self.knots.max(1)).map(<[f64]>::to_vec).collect(), moves)
     }
 
     /// The forcing of a belief.
     pub(crate) fn solved(&self, found: &Found) -> Option<Solution> {
         let (factor, _) = self.factored(found.belief)?;
-        let sd: Vec<f64> = factor.inverse_diagonal().iter().map(|v| v.sqrt()).collect();
-        let sd = sd.chunks(self.knots.max(1)).take(self.components).map(<[f64]>::to_vec).collect();
-        Some(Solution { forcing: self.mean(found)?.0, sd })
+        let sd = factor.inverse_diagonal().iter().map(|v| v.sqrt()).collect();
+        Some(Solution { forcing: self.parted(factor.solve(self.right.as_slice())).0, sd: self.parted(sd).0 })
     }
 }
 

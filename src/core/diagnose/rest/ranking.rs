@@ -11,7 +11,7 @@ use crate::diagnose::rest::cells::{Run, Times};
 use crate::diagnose::rest::forced::Forced;
 use crate::diagnose::rest::inverse::{Data, Errors, Found, Normal, PROCESSES, Process, columns};
 use crate::diagnose::rest::places::Spot;
-use crate::diagnose::rest::response::response;
+use crate::diagnose::rest::response::{Response, response};
 use crate::diagnose::rest::waveform::{CYCLES, KNOTS_A_CYCLE};
 use crate::fit::numeric::least_squares::Problem;
 use crate::model::ModelError;
@@ -60,8 +60,8 @@ impl Contender<'_> {
     }
 }
 
-/// What the run leaves at its variables' values, beside the forcing that is supposed, with errors as they are believed to
-/// be; and how far each free variable may move.
+/// What the run leaves at its variables' values, beside the forcing that is supposed, with errors as they are believed
+/// to be; and how far each free variable may move.
 fn data(run: &Run, forced: Option<&Forced>, times: &Times) -> Result<(Data, Vec<(f64, f64)>), ModelError> {
     let cells = run.rows(times);
     let mut y = run.left_in(&run.x, &cells, true)?;
@@ -204,7 +204,8 @@ pub(crate) fn contenders<'a>(
     let settled = |spot: Spot| -> Result<Option<Settled<'a>>, ModelError> {
         let mut own = again()?;
         own.x.clone_from(&x);
-        settled(own, spot, times, &tones)
+        let Some((_, rest)) = rest(&own, &screened, &spot, times, &[PROCESSES[1]])? else { return Ok(None) };
+        settled(own, spot, times, &tones, Errors::of(&rest))
     };
     let settled: Vec<Option<Settled>> = best.into_par_iter().map(settled).collect::<Result<_, _>>()?;
     let settled: Vec<Settled> = settled.into_iter().flatten().collect();
@@ -260,44 +261,39 @@ impl<'a> Settled<'a> {
 }
 
 /// Moves the variables, and along a pipe the place, to where they are with a forcing there. What it leaves counts as
-/// error: otherwise the variables go wherever that makes up for what its knots cannot follow.
+/// error, at first the given ones: otherwise the variables go wherever that makes up for what its knots cannot follow.
 fn settled<'a>(
     mut run: Run<'a>,
     mut spot: Spot,
     times: &Times,
     tones: &[Process],
+    mut errors: Errors,
 ) -> Result<Option<Settled<'a>>, ModelError> {
     let mut process = PROCESSES[1];
-    let (mut forced, mut errors) = (None, None);
+    let mut forced = None;
     // The variables move a place by some spacings.
     let mut step_m = 4.0 * spot.spacing_m(run.problem.model.rig);
     for round in 1..=ROUNDS {
         let (believed, reach) = data(&run, forced.as_ref(), times)?;
-        let own = match errors {
-            Some(errors) => errors,
-            None => match rest(&run, &believed, &spot, times, &[process])? {
-                Some((_, rest)) => Errors::of(&rest),
-                None => return Ok(None),
-            },
-        };
-        let data = believed.under(own);
+        let data = believed.under(errors);
         step_m *= 0.5;
-        let mut best: Option<(Spot, Found, Normal)> = None;
+        let mut best: Option<(Spot, Found, Normal, Response)> = None;
         for near in spot.moved(&run, &[0.0, -step_m, step_m]) {
-            let normal = normal(&run, &data, &near, times)?;
+            let response = response(&run, &near, times)?;
+            let normal = Normal::of(&data, columns(&data, &response, times), response.len());
             // A step along a pipe changes the forcing's power little.
-            let found = best.as_ref().map_or_else(|| normal.best(process, QUICK), |(_, b, _)| normal.judged(b.belief));
+            let found = best.as_ref().map_or_else(|| normal.best(process, QUICK), |(_, b, ..)| normal.judged(b.belief));
             let Some(found) = found else { continue };
-            if best.as_ref().is_none_or(|(_, b, _)| found.evidence > b.evidence) {
-                best = Some((near, found, normal));
+            if best.as_ref().is_none_or(|(_, b, ..)| found.evidence > b.evidence) {
+                best = Some((near, found, normal, response));
             }
         }
-        let Some((near, found, normal)) = best else { return Ok(None) };
+        let Some((near, found, normal, response)) = best else { return Ok(None) };
         let others = PROCESSES.iter().chain(tones).filter(|p| **p != process && round == 2);
         let found = others.filter_map(|p| normal.best(*p, QUICK)).fold(found, better);
         let Some(mean) = normal.mean(&found) else { return Ok(None) };
         (spot, process) = (near, found.belief.process);
-        errors = Some(Errors::of(&believed.rest(&columns(&believed, &response(&run, &spot, times)?, times), &mean)));
+        errors = Errors::of(&believed.rest(&columns(&believed, &response, times), &mean));
         run.step(&steps(&mean.1, &reach));
         // What is added to a reading changes no flow.
         let flows = !matches!(spot, Spot::Sensor(_));

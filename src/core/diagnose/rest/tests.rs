@@ -96,56 +96,59 @@ fn a_small_share_of_the_surge_is_the_models_own_error() {
     assert_eq!(explain(&rig, &runs, &fit, &options, &|_| {}).unwrap(), []);
 }
 
-/// A head of the supply reaches the closed valve after `L/a`, doubled; a flow out there lowers its head at once by
-/// `a/(gA)`. Friction takes a few per cent.
-#[test]
-fn pulses_arrive_as_waves_do() {
+/// A run with nothing hidden, under the model that is fitted to it, on 64 reaches.
+fn quiet(check: impl FnOnce(&Rig, &Run)) {
     let rig = rig();
     let runs = [run(&rig, 0.0)];
     let options = Options { most_reaches: 96, ..Options::default() };
     let fit = calibrate(&rig, &runs, &[], &options, &|_| {}).unwrap();
     let model = Model::new(&rig, &runs[0].conditions.water, &[]);
     let at = Run::new(&model, &runs, &fit, 64).unwrap();
-    let times = Times { knot_s: at.period_s() / 32.0, before: 17, knots: 81 };
-    let way_s = 0.25 * at.period_s();
-    let of = |spot: Spot| response(&at, &spot, &times).unwrap()[0][0].clone();
-    // A quarter of a period is eight knots.
-    let shape = |cell: usize, late: f64| spline((cell as f64 + 0.5) / CELLS as f64 - REACH as f64 - late);
-    let (supply, valve) = (of(Spot::Supply), of(Spot::Valve));
-    let impedance = 80.0 / way_s / (9.806_65 * rig.pipes[0].area_m2());
-    for cell in 0..2 * REACH * CELLS {
-        let arrived = supply[cell + 8 * CELLS];
-        assert!((arrived - 2.0 * shape(cell, 0.0)).abs() < 0.08, "{arrived} {}", shape(cell, 0.0));
-        assert!((valve[cell] / impedance + shape(cell, 0.0)).abs() < 0.04, "{} {impedance}", valve[cell]);
-    }
-    assert!(supply[..8 * CELLS - CELLS].iter().all(|v| v.abs() < 1e-6));
+    check(&rig, &at);
+}
+
+/// A head of the supply reaches the closed valve after `L/a`, doubled; a flow out there lowers its head at once by
+/// `a/(gA)`. Friction takes a few per cent.
+#[test]
+fn pulses_arrive_as_waves_do() {
+    quiet(|rig, at| {
+        let times = Times { knot_s: at.period_s() / 32.0, before: 17, knots: 81 };
+        let way_s = 0.25 * at.period_s();
+        let of = |spot: Spot| response(at, &spot, &times).unwrap()[0][0].clone();
+        // A quarter of a period is eight knots.
+        let shape = |cell: usize, late: f64| spline((cell as f64 + 0.5) / CELLS as f64 - REACH as f64 - late);
+        let (supply, valve) = (of(Spot::Supply), of(Spot::Valve));
+        let impedance = 80.0 / way_s / (9.806_65 * rig.pipes[0].area_m2());
+        for cell in 0..2 * REACH * CELLS {
+            let arrived = supply[cell + 8 * CELLS];
+            assert!((arrived - 2.0 * shape(cell, 0.0)).abs() < 0.08, "{arrived} {}", shape(cell, 0.0));
+            assert!((valve[cell] / impedance + shape(cell, 0.0)).abs() < 0.04, "{} {impedance}", valve[cell]);
+        }
+        assert!(supply[..8 * CELLS - CELLS].iter().all(|v| v.abs() < 1e-6));
+    });
 }
 
 /// A hundredth of the surge does what its pulses do. Twice the surge sends flow through the whole pipe, which has its
 /// friction.
 #[test]
 fn a_small_forcing_is_the_sum_of_its_pulses_and_a_large_one_is_not() {
-    let rig = rig();
-    let runs = [run(&rig, 0.0)];
-    let options = Options { most_reaches: 96, ..Options::default() };
-    let fit = calibrate(&rig, &runs, &[], &options, &|_| {}).unwrap();
-    let model = Model::new(&rig, &runs[0].conditions.water, &[]);
-    let at = Run::new(&model, &runs, &fit, 64).unwrap();
-    let times = Times { knot_s: at.period_s() / 32.0, before: 17, knots: 145 };
-    let flow_m3_s = 0.25 * rig.pipes[0].area_m2();
-    for (spot, whole) in [(Spot::Supply, 29.0), (Spot::Valve, flow_m3_s), (Spot::Pipe(None, 30.0), flow_m3_s)] {
-        let apart = |size: f64| {
-            let shape = |k: usize| size * whole * (-((k as f64 - 60.0) / 8.0).powi(2)).exp();
-            let knots = vec![(0..times.knots).map(shape).collect()];
-            let forced = Forced { spot: spot.clone(), times, knots };
-            let (done, linear) = (forced.done_m(&at, &at.x).unwrap(), forced.linear_m(&at).unwrap());
-            let size = |of: &[Vec<f64>]| of.iter().flatten().map(|v| v * v).sum::<f64>().sqrt();
-            let bend: Vec<Vec<f64>> =
-                done.iter().zip(&linear).map(|(d, l)| d.iter().zip(l).map(|(d, l)| d - l).collect()).collect();
-            size(&bend) / size(&done)
-        };
-        let (small, large) = (apart(0.01), apart(2.0));
-        assert!(small < 0.03, "{spot:?}: {small}");
-        assert!(large > small * if spot == Spot::Supply { 10.0 } else { 1.0 }, "{spot:?}: {small} {large}");
-    }
+    quiet(|rig, at| {
+        let times = Times { knot_s: at.period_s() / 32.0, before: 17, knots: 145 };
+        let flow_m3_s = 0.25 * rig.pipes[0].area_m2();
+        for (spot, whole) in [(Spot::Supply, 29.0), (Spot::Valve, flow_m3_s), (Spot::Pipe(None, 30.0), flow_m3_s)] {
+            let apart = |size: f64| {
+                let shape = |k: usize| size * whole * (-((k as f64 - 60.0) / 8.0).powi(2)).exp();
+                let knots = vec![(0..times.knots).map(shape).collect()];
+                let forced = Forced { spot: spot.clone(), times, knots };
+                let (done, linear) = (forced.done_m(at, &at.x).unwrap(), forced.linear_m(at).unwrap());
+                let size = |of: &[Vec<f64>]| of.iter().flatten().map(|v| v * v).sum::<f64>().sqrt();
+                let bend: Vec<Vec<f64>> =
+                    done.iter().zip(&linear).map(|(d, l)| d.iter().zip(l).map(|(d, l)| d - l).collect()).collect();
+                size(&bend) / size(&done)
+            };
+            let (small, large) = (apart(0.01), apart(2.0));
+            assert!(small < 0.03, "{spot:?}: {small}");
+            assert!(large > small * if spot == Spot::Supply { 10.0 } else { 1.0 }, "{spot:?}: {small} {large}");
+        }
+    });
 }
