@@ -70,8 +70,13 @@ const ROW: Row = Row {
 };
 const VALVE: Row = Row { closure: ORIFICE, closing_s: VALVE_CLOSES_S, ..ROW };
 const PLACE: Row = Row { cuts: true, ..ROW };
-const CAVITY: Row =
-    Row { effect: "vapour-cavity", gone: &[1e-4], faint: &[1e-4], heads_m: [HEAD_M, HIGH_HEAD_M], ..ROW };
+const CAVITY: Row = Row {
+    effect: "vapour-cavity",
+    gone: &[1e-4, 1e-8, 101.325],
+    faint: &[1e-4, 1e-8, 101.325],
+    heads_m: [HEAD_M, HIGH_HEAD_M],
+    ..ROW
+};
 const LEAK: Row =
     Row { effect: "leak", values: &[THIRD_M, 0.5], gone: &[THIRD_M, 0.0], faint: &[THIRD_M, 1e-12], ..PLACE };
 
@@ -137,9 +142,15 @@ const TABLE: [Row; 29] = [
         faint: &[1e-15, 1e-4],
         ..ROW
     },
-    Row { case: "none opens", values: &[0.0], ..CAVITY },
+    Row { case: "none opens", values: &[0.0, 1e-8, 101.325], ..CAVITY },
     // They open and close at any time within a step.
-    Row { case: "many open, lag of 10 ms", values: &[1e-2], heads_m: [5.0, HIGH_HEAD_M], order: 1.0, ..CAVITY },
+    Row {
+        case: "many open, lag of 10 ms",
+        values: &[1e-2, 1e-8, 101.325],
+        heads_m: [5.0, HIGH_HEAD_M],
+        order: 1.0,
+        ..CAVITY
+    },
     Row { case: "no friction", friction: 0.0, ..LEAK },
     // Between the nodes from which a leak or a branch takes its flow the loss grows with the square of a flow that
     // grows step by step.

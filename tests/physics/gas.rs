@@ -63,7 +63,7 @@ fn before_the_valve_moves_nothing_moves() {
     for (effects, values) in [
         ("none", &[][..]),
         ("entrained-gas", &[1e-3, 1e-4][..]),
-        ("vapour-cavity", &[1e-4][..]),
+        ("vapour-cavity", &[1e-4, 1e-8, 101.325][..]),
         ("air-pocket", &[50.0, 1.2][..]),
     ] {
         let shared = [&[1319.0], values].concat();
@@ -82,7 +82,8 @@ fn cavities_that_do_not_open_change_nothing() {
     let rig = plain();
     let head = |velocity| {
         let run = |effects, shared| Run { velocity, head: 2.0, ..usual(effects, shared) };
-        let with = run("vapour-cavity", &[1200.0, 2e-4]).on(&rig, &[Probe::head(100.0), Probe::head(40.0)]);
+        let with =
+            run("vapour-cavity", &[1200.0, 2e-4, 1e-8, 101.325]).on(&rig, &[Probe::head(100.0), Probe::head(40.0)]);
         let without = run("none", &[1200.0]).on(&rig, &[Probe::head(100.0), Probe::head(40.0)]);
         let apart =
             |(a, b): (&Trace, &Trace)| a.values.iter().zip(&b.values).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
@@ -232,7 +233,7 @@ fn a_cavity_at_the_valve_lasts_as_long_as_it_must() {
         assert!((rise / jump - 1.0).abs() < 0.01, "{reaches} reaches: {rise} {jump}");
     }
     // The gas that starts the cavities of `vapour-cavity` shows by a hundredth.
-    let (late_s, rise) = last("vapour-cavity", &[0.0], 200);
+    let (late_s, rise) = last("vapour-cavity", &[0.0, 1e-7, 101.325], 200);
     assert!((late_s / (end_s - return_s)).abs() < 0.02, "{late_s}");
     assert!((rise / jump - 1.0).abs() < 0.05, "{rise} {jump}");
 }
@@ -270,8 +271,10 @@ fn what_gas_cannot_be_is_refused() {
     assert!(refusal("entrained-gas", &[1.5, 0.0], 40.0).contains("gas_fraction"));
     assert!(refusal("entrained-gas", &[f64::NAN, 0.0], 40.0).contains("gas_fraction"));
     assert!(refusal("entrained-gas", &[1e-6, -1.0], 40.0).contains("gas_lag_s"));
-    assert!(refusal("vapour-cavity", &[-1.0], 40.0).contains("cavity_lag_s"));
-    assert!(refusal("vapour-cavity", &[0.0], -11.0).contains("boils"));
+    assert!(refusal("vapour-cavity", &[-1.0, 1e-8, 101.325], 40.0).contains("cavity_lag_s"));
+    assert!(refusal("vapour-cavity", &[0.0, 1.5, 101.325], 40.0).contains("cavity_gas_fraction"));
+    assert!(refusal("vapour-cavity", &[0.0, 1e-8, f64::NAN], 40.0).contains("air_pressure_kPa"));
+    assert!(refusal("vapour-cavity", &[0.0, 1e-8, 101.325], -11.0).contains("boils"));
     assert!(refusal("air-pocket", &[-1.0, 1.2], 40.0).contains("air_volume_mL"));
     assert!(refusal("air-pocket", &[10.0, 0.9], 40.0).contains("polytropic_exponent"));
     assert!(refusal("air-pocket", &[10.0, 1.2], -11.0).contains("valve_head_m"));

@@ -29,6 +29,9 @@ use crate::model::steady::Steady;
 use crate::rig::Place;
 use crate::wide::widened;
 
+/// Gas fraction up to which only cavities are computed. Literature: 10⁻⁷, by half a decade for what a fit may err.
+pub const CAVITIES_ONLY: f64 = 3e-7;
+
 /// Least `K` as a share of the volume.
 const LEAST: f64 = 0.5;
 
@@ -64,6 +67,8 @@ pub struct Gas {
     pub below_m: f64,
     /// Time that the volume takes to follow the pressure, s.
     pub lag_s: f64,
+    /// Gauge pressure head of vapour, m.
+    pub vapour_head_m: f64,
 }
 
 /// A volume under a pressure head `y = H - floor`: `y Vⁿ` is constant down to a low head, below which the volume grows
@@ -84,8 +89,9 @@ pub struct Law {
 const CAVITY_DEPTH_M: f64 = 1e-4;
 
 impl Law {
-    /// Isothermal gas over vapour at a node, in a piece of pipe of `pipe_volume_m3`.
-    pub fn isothermal(floor_m: f64, gas: Gas, pipe_volume_m3: f64) -> Self {
+    /// Isothermal gas over vapour at a node at an elevation, in a piece of pipe of `pipe_volume_m3`.
+    pub fn isothermal(elevation_m: f64, gas: Gas, pipe_volume_m3: f64) -> Self {
+        let floor_m = elevation_m + gas.vapour_head_m;
         let content_m4 = gas.content_m * pipe_volume_m3;
         let low_slope_m2 = pipe_volume_m3 / CAVITY_DEPTH_M;
         let low_m = (content_m4 / low_slope_m2).sqrt();
@@ -215,11 +221,6 @@ fn larger(a: f64, b: f64) -> f64 {
     if a < b { b } else { a }
 }
 
-/// Total head at which water at an elevation boils, m.
-fn boiling_head_m(scene: &Scene, elevation_m: f64) -> f64 {
-    elevation_m + scene.vapour_head_m()
-}
-
 /// Gas at all inner nodes.
 ///
 /// # Errors
@@ -235,7 +236,8 @@ pub fn field(scene: &Scene, steady: &Steady, gas: Gas) -> Result<Box<dyn NodeFie
         for node in segment.nodes() {
             let position_m = segment.start_m + segment.reach_m * (node - segment.offset) as f64;
             steady_m[node] = steady.head_m[node]
-                - boiling_head_m(scene, scene.rig.elevation_m(Place { line: segment.line, position_m }));
+                - gas.vapour_head_m
+                - scene.rig.elevation_m(Place { line: segment.line, position_m });
             sum_m3[node] = (content_m4 / steady_m[node] - gone_m3).max(0.0);
         }
         let stepping = Stepping::new(scene.dt_s, segment.reach_m, length_m, gas.lag_s);
@@ -253,7 +255,7 @@ pub fn field(scene: &Scene, steady: &Steady, gas: Gas) -> Result<Box<dyn NodeFie
 
 /// The same at a joint or at the pipe's end.
 pub fn at_node(scene: &Scene, spot: &Spot, gas: Gas) -> Box<dyn Shunt> {
-    let law = Law::isothermal(boiling_head_m(scene, spot.elevation_m), gas, spot.volume_m3);
+    let law = Law::isothermal(spot.elevation_m, gas, spot.volume_m3);
     Box::new(Volume::new(law, Stepping::at(scene, spot, gas.lag_s)))
 }
 
@@ -263,7 +265,9 @@ mod tests {
     use crate::model::node::{Arriving, Node};
 
     fn laws() -> [Law; 4] {
-        let isothermal = |content_m, below_m| Law::isothermal(-9.0, Gas { content_m, below_m, lag_s: 0.0 }, 1e-5);
+        let isothermal = |content_m, below_m| {
+            Law::isothermal(0.0, Gas { content_m, below_m, lag_s: 0.0, vapour_head_m: -9.0 }, 1e-5)
+        };
         let polytropic = Law::polytropic(-10.3, 1.2, 40.0, 3e-5, 0.24);
         [isothermal(1e-6, f64::INFINITY), isothermal(0.0, f64::INFINITY), polytropic, isothermal(1e-6, 1.0)]
     }

@@ -12,9 +12,6 @@ use crate::model::parameter::Parameter;
 use crate::model::scene::{Scene, Site, Spot};
 use crate::model::steady::Steady;
 
-/// Gas fraction up to which only cavities are computed. Literature: 10⁻⁷, by half a decade for what a fit may err.
-const CAVITIES_ONLY: f64 = 3e-7;
-
 /// See the module.
 pub struct EntrainedGas;
 
@@ -46,7 +43,7 @@ impl Effect for EntrainedGas {
     /// Gas of a fraction of 10⁻⁷ or less moves no wave and only keeps cavities apart: it computes vapour cavities
     /// (Wylie 1984; Simpson & Bergant 1994, J. Hydraul. Eng. 120(3):361-377).
     fn stands_for(&self, values: &[f64]) -> Option<&'static str> {
-        values.first().filter(|fraction| **fraction <= CAVITIES_ONLY).map(|_| "vapour-cavity")
+        values.first().filter(|fraction| **fraction <= gas::CAVITIES_ONLY).map(|_| "vapour-cavity")
     }
     fn remedy(&self, _place: Option<&str>, _sensor: Option<&str>) -> Option<String> {
         Some("flush the pipe, let the water stand until its gas has left it, and repeat the test".to_owned())
@@ -100,5 +97,6 @@ impl Effect for EntrainedGas {
 }
 
 fn gas(scene: &Scene, values: &[f64]) -> Gas {
-    Gas { content_m: values[0] * scene.atmosphere_head_m(), below_m: f64::INFINITY, lag_s: values[1] }
+    let content_m = values[0] * scene.atmosphere_head_m();
+    Gas { content_m, below_m: f64::INFINITY, lag_s: values[1], vapour_head_m: scene.vapour_head_m() }
 }

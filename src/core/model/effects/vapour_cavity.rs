@@ -7,18 +7,11 @@ use crate::model::error::ModelError;
 use crate::model::gas::{self, Gas};
 use crate::model::node::Shunt;
 use crate::model::parameter::Parameter;
-use crate::model::scene::{Scene, Site, Spot};
+use crate::model::scene::{ATMOSPHERE_PA, Scene, Site, Spot};
 use crate::model::steady::Steady;
 
 /// See the module.
 pub struct VapourCavity;
-
-/// Gas that starts the cavities, as a volume fraction at atmospheric pressure.
-///
-/// It cushions the many small cavities of a region near vapour pressure, which without any gas collapse one after the
-/// other in spikes that no measurement shows. It is fixed, because any other value as small leaves the same trace
-/// (Wylie 1984; Bergant, Simpson & Tijsseling 2006, J. Fluids Struct. 22:135-171, recommend 1e-7 or less).
-const GAS_FRACTION: f64 = 1e-7;
 
 /// A record lies on the floor if it comes this near to vapour pressure, m: zero errors of sensors and weather are of
 /// this size. Higher up, the gas that starts the cavities is dissolved. Thus the effect changes nothing where no cavity
@@ -33,7 +26,7 @@ impl Effect for VapourCavity {
         "column separation at vapour pressure"
     }
     fn equation(&self) -> &'static str {
-        "at every node V_eq = 1e-7 A dx H_atm [1/(H - z - H_vapour) - 1/(1 m)] where positive,  V + θ dV/dt = V_eq,  \
+        "at every node V_eq = α A dx H_atm [1/(H - z - H_vapour) - 1/(1 m)] where positive,  V + θ dV/dt = V_eq,  \
          dV/dt = Q_out - Q_in: H - z stays at H_vapour until the cavity is filled"
     }
     fn source(&self) -> &'static str {
@@ -55,8 +48,9 @@ impl Effect for VapourCavity {
     fn odds(&self, known: &Circumstances) -> f64 {
         if known.above_vapour_m < FLOOR_M { SHOWN } else { 1.0 }
     }
-    /// The head at which the water boils follows from its temperature. Only the speed at which a cavity finally fills
-    /// can be fitted.
+    /// The gas that starts the cavities cushions the many small ones of a region near vapour pressure; Bergant, Simpson
+    /// & Tijsseling (2006) recommend 1e-7 or less. It rounds what follows a collapse by more than the noise, and so does
+    /// the pressure of the air by a hundredth more or less. Neither is known beforehand.
     fn parameters(&self, _site: &Site, _elements: usize) -> Vec<Parameter> {
         vec![
             Parameter::log(
@@ -68,7 +62,31 @@ impl Effect for VapourCavity {
                 0.1,
             )
             .with_prior(2e-4, 2.0),
+            Parameter::log(
+                "cavity_gas_fraction",
+                "1",
+                "volume per volume of pipe, at a pressure of one atmosphere, of the gas that starts the cavities",
+                1e-7,
+                1e-12,
+                gas::CAVITIES_ONLY,
+            )
+            .with_prior(1e-8, 3.0),
+            // The weather moves it by 1 kPa, and so do ninety metres of height.
+            Parameter::linear(
+                "air_pressure_kPa",
+                "kPa",
+                "pressure of the air outside, which gauge pressure counts from; the start is a standard atmosphere",
+                1e-3 * ATMOSPHERE_PA,
+                60.0,
+                110.0,
+            )
+            .with_prior(1e-3 * ATMOSPHERE_PA, 1.5),
         ]
+    }
+    /// Cavities that condense slowly, with less gas: their collapse makes fewer spikes, among which no descent finds its
+    /// way.
+    fn other_starts(&self, _elements: usize) -> Vec<Vec<f64>> {
+        vec![vec![10.0, 0.1, 1.0]]
     }
     /// Steady head above vapour pressure, and `K` of each node.
     fn kept_per_node(&self, _elements: usize) -> usize {
@@ -76,6 +94,8 @@ impl Effect for VapourCavity {
     }
     fn field(&self, values: &[f64], scene: &Scene, steady: &Steady) -> Result<Option<Box<dyn NodeField>>, ModelError> {
         check("cavity_lag_s", values[0], values[0] >= 0.0, "zero or more")?;
+        check("cavity_gas_fraction", values[1], (0.0..1.0).contains(&values[1]), "zero or more, less than 1")?;
+        check("air_pressure_kPa", values[2], values[2] > 0.0, "more than zero")?;
         gas::field(scene, steady, gas(scene, values)).map(Some)
     }
     fn node_shunt(&self, values: &[f64], scene: &Scene, spot: &Spot) -> Option<Box<dyn Shunt>> {
@@ -84,5 +104,7 @@ impl Effect for VapourCavity {
 }
 
 fn gas(scene: &Scene, values: &[f64]) -> Gas {
-    Gas { content_m: GAS_FRACTION * scene.atmosphere_head_m(), below_m: FLOOR_M, lag_s: values[0] }
+    let (lag_s, content_m) = (values[0], values[1] * scene.atmosphere_head_m());
+    let weather_m = scene.atmosphere_head_m() * (1e3 * values[2] / ATMOSPHERE_PA - 1.0);
+    Gas { content_m, below_m: FLOOR_M, lag_s, vapour_head_m: scene.vapour_head_m() - weather_m }
 }
