@@ -8,7 +8,7 @@ use surgescope_core::model::trace::Probe;
 use surgescope_core::model::{Conditions, Model, Resolution, RunValues};
 use surgescope_core::rig::Rig;
 
-use super::water;
+use super::{rig, water};
 
 const G: f64 = 9.81;
 /// Pressures and stresses in MPa keep the matrices well scaled.
@@ -276,4 +276,24 @@ fn plateaus_of_problem_a_are_those_of_the_exact_recursion() {
     let first = right[10] / rise;
     let most = right.iter().copied().fold(0.0, f64::max) / rise;
     assert!(first < 0.98 && most > 1.05, "{first} {most}");
+}
+
+/// Before the valve moves nothing moves, though a leak makes the flow into the pipes larger than that out of them.
+#[test]
+fn the_steady_flow_stays_beside_a_leak() {
+    let rig = rig(160.0, 50.0, 4.0, "friction_factor = 0.03");
+    let water = water(&rig, 998.2);
+    for form in ["fluid-structure", "fluid-structure/dry", "fluid-structure/floor"] {
+        let mut model = Model::new(&rig, &water, &parse_list(&format!("{form},leak")).unwrap());
+        model.closure = |closing_time_s| Closure::Linear { closing_time_s: 1e12 + closing_time_s };
+        let shared: Vec<f64> = model.shared.iter().map(|p| p.start).collect();
+        let run = RunValues { initial_velocity_m_s: 0.9, valve_head_m: 20.0, closing_time_s: 1.0, friction_scale: 1.0 };
+        let resolution = Resolution { reaches: 60, duration_s: 5.0 };
+        let probes = [160.0, 97.3, 40.0].map(Probe::head);
+        let traces = model.simulate(&Conditions::of(water), &shared, &run, resolution, &probes).unwrap().traces;
+        for trace in traces {
+            let moved = trace.values.iter().map(|h| (h - trace.values[0]).abs()).fold(0.0, f64::max);
+            assert!(moved < 1e-6, "{form}: {moved} m");
+        }
+    }
 }

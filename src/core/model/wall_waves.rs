@@ -138,12 +138,7 @@ impl WallWaves {
     ///
     /// # Errors
     /// A stress wave no faster than a pressure wave; fewer than two steps for it to pass the pipe.
-    pub fn new(
-        wall: &Wall,
-        at: [(usize, Hold, f64); 2],
-        flow_m3_s: f64,
-        steady: &Steady,
-    ) -> Result<WallWaves, ModelError> {
+    pub fn new(wall: &Wall, at: [(usize, Hold, f64); 2], steady: &Steady) -> Result<WallWaves, ModelError> {
         let modes = wall.modes()?;
         let (dt_s, reaches) = (steady.grid.dt_s, steady.grid.reaches());
         let steps = wall.length_m / modes.stress_speed_m_s / dt_s;
@@ -157,10 +152,10 @@ impl WallWaves {
         let lies = wall.floor_m > 0.0;
         let floor = lies.then(|| Floor::new(wall, modes, ways.down.len(), steady).ok_or(too_few(2.0 * reaches as f64)));
         let floor = floor.transpose()?;
-        let [supply, valve] = at;
+        let ([supply, valve], flows) = (at, &steady.flow_m3_s);
         let end = |(node, hold, head_m), out_m3_s| WallEnd::new(modes, node, hold, (head_m, out_m3_s), dt_s);
         Ok(WallWaves {
-            ends: [end(supply, -flow_m3_s), end(valve, flow_m3_s)],
+            ends: [end(supply, -flows[0]), end(valve, flows[flows.len() - 1])],
             ways,
             floor,
             length_m: wall.length_m,
@@ -305,9 +300,11 @@ impl Floor {
     /// Nothing where there are no nodes about its places.
     fn new(wall: &Wall, modes: Modes, count: usize, steady: &Steady) -> Option<Floor> {
         let (grid, reach_m) = (steady.grid, modes.stress_speed_m_s * steady.grid.dt_s);
-        let inner =
-            |s: &Segment| (1..s.reaches).map(|i| (s.start_m + s.reach_m * i as f64, s.offset + i)).collect::<Vec<_>>();
-        let inner: Vec<(f64, usize)> = grid.segments.iter().flat_map(inner).collect();
+        // Place, index and steady flow of each inner node.
+        let inner = |(s, &flow): (&Segment, &f64)| {
+            (1..s.reaches).map(|i| (s.start_m + s.reach_m * i as f64, s.offset + i, flow)).collect::<Vec<_>>()
+        };
+        let inner: Vec<(f64, usize, f64)> = grid.segments.iter().zip(&steady.flow_m3_s).flat_map(inner).collect();
         let last = inner.len().checked_sub(1).filter(|last| *last > 0)?;
         let twice = 2.0 * (1.0 + modes.alpha * modes.beta);
         let place = |i: usize| {
@@ -315,8 +312,8 @@ impl Floor {
             // The first has what lies between it and the valve, the last what lies between it and the supply.
             let to_valve_m = if i == 0 { reach_m } else { 0.5 * reach_m };
             let to_supply_m = if i + 1 == count { x_m } else { 0.5 * reach_m };
-            let behind = inner.partition_point(|(at_m, _)| *at_m < x_m).clamp(1, last);
-            let [(from_m, first), (to_m, second)] = [inner[behind - 1], inner[behind]];
+            let behind = inner.partition_point(|(at_m, ..)| *at_m < x_m).clamp(1, last);
+            let [(from_m, first, from_m3_s), (to_m, second, to_m3_s)] = [inner[behind - 1], inner[behind]];
             let part = ((x_m - from_m) / (to_m - from_m)).clamp(0.0, 1.0);
             let Segment { impedance, .. } = grid.segments[grid.stencil(x_m).segment];
             let by_u = modes.alpha * modes.density_ratio / (impedance * modes.area_m2);
@@ -325,7 +322,7 @@ impl Floor {
                 most_m: modes.thrust * wall.floor_m * (to_valve_m + to_supply_m) / wall.length_m / twice,
                 nodes: [(first, 1.0 - part), (second, part)],
                 by_u,
-                steady_m_s: by_u * impedance * steady.flow_m3_s[grid.stencil(x_m).segment],
+                steady_m_s: by_u * impedance * ((1.0 - part) * from_m3_s + part * to_m3_s),
                 by_sent: modes.per_stress() + by_u * modes.beta * (part * part + (1.0 - part) * (1.0 - part)),
             }
         };

@@ -137,7 +137,7 @@ fn wall_waves(
     let valve = Hold::Valve { give: 1e-3 * give_mm_per_m, dry_m };
     let heads = &steady.head_m;
     let at = [(graph.supply(), supply, heads[0]), (graph.valve, valve, heads[heads.len() - 1])];
-    WallWaves::new(&wall, at, scene.flow_m3_s, steady).map(Some)
+    WallWaves::new(&wall, at, steady).map(Some)
 }
 
 impl Effect for DryFriction {
