@@ -10,7 +10,7 @@ use crate::model::parameter::Parameter;
 use crate::model::scene::{Scene, Site, Spot};
 use crate::model::steady::Steady;
 use crate::model::trace::Trace;
-use crate::model::wall_waves::WallWaves;
+use crate::model::wall::waves::WallWaves;
 use crate::rig::Rig;
 
 /// Prior odds of an effect that a record shows by itself: the chance that something else looks like it is one in so
@@ -191,7 +191,11 @@ pub trait Effect: Sync {
         let _ = (values, scene, spot);
         None
     }
-    /// Stress waves in the wall of a pipe that may move.
+    /// Whether it asks for a node at each joint of two pipes, where the grid else may have a reach over it.
+    fn joints_on_nodes(&self) -> bool {
+        false
+    }
+    /// Stress waves in the walls of pipes that may move.
     ///
     /// # Errors
     /// See [`Effect::reshape`].

@@ -255,6 +255,7 @@ impl Model<'_> {
     ) -> Vec<Vec<Stretch>> {
         // If some pipes are of a material that creeps, only they do.
         let any_creeps = self.rig.pipes.iter().any(|p| p.material().viscoelastic);
+        let on_nodes = self.effects.iter().any(|c| c.effect.joints_on_nodes());
         let stretch = |i: usize, flow_m3_s: f64| {
             let pipe = &self.rig.pipes[i];
             let given = conditions.regimes.as_ref().and_then(|regimes| regimes.get(i));
@@ -266,6 +267,7 @@ impl Model<'_> {
                 wall_m: pipe.wall_thickness_m,
                 wave_speed_m_s: shared[i],
                 constraint: pipe.constraint_coefficient(),
+                run: if on_nodes { i } else { 0 },
                 friction: WallFriction::in_regime(pipe, &conditions.water, flow_m3_s, regime)
                     .scaled(run.friction_scale),
                 regime,
