@@ -366,3 +366,28 @@ fn the_steady_flow_stays_beside_a_leak() {
         }
     }
 }
+
+/// A pipe through which stress waves would pass within a step asks for a finer grid, and is refused on a coarser one.
+#[test]
+fn a_short_pipe_gets_the_steps_that_its_stress_waves_need() {
+    let rig =
+        Rig::from_toml(&rig_of_two_pipes().replace("62.7", "1.5").replace("160.0", "98.8"), "short.toml").unwrap();
+    let water = water(&rig, 998.2);
+    let reaches = |effects: &str| {
+        let model = Model::new(&rig, &water, &parse_list(effects).unwrap());
+        let starts: Vec<f64> = model.shared.iter().map(|p| p.start).collect();
+        model.least_reaches(&starts)
+    };
+    let [base, moving] = [reaches("none"), reaches("fluid-structure")];
+    assert!(reaches("fluid-structure/floor") > moving && moving > 2 * base, "{base} {moving}");
+    let model = Model::new(&rig, &water, &parse_list("fluid-structure").unwrap());
+    let starts: Vec<f64> = model.shared.iter().map(|p| p.start).collect();
+    let run = RunValues { initial_velocity_m_s: 0.5, valve_head_m: 60.0, closing_time_s: 0.05, friction_scale: 1.0 };
+    let simulate = |reaches| {
+        let resolution = Resolution { reaches, duration_s: 0.1 };
+        model.simulate(&Conditions::of(water), &starts, &run, resolution, &[Probe::head(98.8)]).map(|_| ())
+    };
+    assert_eq!(simulate(moving), Ok(()));
+    let refused = simulate(base).unwrap_err().to_string();
+    assert!(refused.contains("too few") && refused.contains("at least"), "{refused}");
+}

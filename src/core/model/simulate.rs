@@ -41,8 +41,9 @@ impl Model<'_> {
         Ok(Travel { lines_s: lines.iter().map(of).collect(), ..self.pipes_travel_s(shared) })
     }
 
-    /// Fewest reaches at which no pipe, and no section that an effect makes of one, is shorter than a reach. With
-    /// fewer, a simulation still runs and lumps short sections with their neighbours, because a fit moves them about.
+    /// Fewest reaches at which no pipe, and no section that an effect makes of one, is shorter than a reach, and every
+    /// pipe has the steps that effects ask for. With fewer, a simulation still runs and lumps short sections with their
+    /// neighbours, because a fit moves them about.
     ///
     /// # Errors
     /// If a value is outside its physical range.
@@ -52,7 +53,7 @@ impl Model<'_> {
         shared: &[f64],
         run: &RunValues,
     ) -> Result<usize, ModelError> {
-        Ok(self.travel_s(conditions, shared, run)?.least_reaches())
+        Ok(self.travel_s(conditions, shared, run)?.least_reaches().max(self.effects_reaches(shared)))
     }
 
     /// Simulates one run: the reading of each probe, in time after the start of the closure.

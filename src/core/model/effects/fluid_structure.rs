@@ -8,7 +8,7 @@ use crate::model::scene::{Scene, Site};
 use crate::model::steady::Steady;
 use crate::model::wall::end::Hold;
 use crate::model::wall::modes::Wall;
-use crate::model::wall::waves::WallWaves;
+use crate::model::wall::waves::{LEAST_STEPS, LEAST_STEPS_ON_FLOOR, WallWaves};
 use crate::rig::{Constraint, Pipe, Rig};
 use crate::units::GRAVITY_M_S2;
 
@@ -75,6 +75,9 @@ impl Effect for FluidStructure {
     }
     fn joints_on_nodes(&self) -> bool {
         true
+    }
+    fn least_steps(&self, values: &[f64], rig: &Rig, pipe: &Pipe, wave_speed_m_s: f64) -> f64 {
+        LEAST_STEPS * stress_speed_m_s(rig, pipe, values[1]) / wave_speed_m_s
     }
     fn parameters(&self, site: &Site, _elements: usize) -> Vec<Parameter> {
         let pipe = site.rig.pipe_at_valve();
@@ -206,6 +209,9 @@ impl Effect for DryFriction {
     fn joints_on_nodes(&self) -> bool {
         true
     }
+    fn least_steps(&self, values: &[f64], rig: &Rig, pipe: &Pipe, wave_speed_m_s: f64) -> f64 {
+        LEAST_STEPS * stress_speed_m_s(rig, pipe, values[1]) / wave_speed_m_s
+    }
     fn parameters(&self, site: &Site, elements: usize) -> Vec<Parameter> {
         let mut parameters = FluidStructure.parameters(site, elements);
         parameters.push(Parameter::log(
@@ -252,6 +258,9 @@ impl Effect for Floor {
     }
     fn joints_on_nodes(&self) -> bool {
         true
+    }
+    fn least_steps(&self, values: &[f64], rig: &Rig, pipe: &Pipe, wave_speed_m_s: f64) -> f64 {
+        LEAST_STEPS_ON_FLOOR * stress_speed_m_s(rig, pipe, values[1]) / wave_speed_m_s
     }
     fn parameters(&self, site: &Site, elements: usize) -> Vec<Parameter> {
         let weight = |pipe: &Pipe| pipe.length_m * heavy_m2(pipe, site.water.density_kg_m3);
