@@ -109,7 +109,7 @@ impl Scenario {
             .collect();
         let reaches = match get("reaches") {
             // A network may have pipes that so few would not resolve.
-            None => REACHES.max(model.pipes_travel_s(&shared).least_reaches()),
+            None => REACHES.max(model.pipes_travel_s(&shared).least_reaches()).max(model.effects_reaches(&shared)),
             Some(n) if n >= 2.0 && n.fract() == 0.0 && n <= 1e7 => n as usize,
             Some(n) => return Err(format!("reaches = {n} must be a whole number from 2 to 10000000").into()),
         };

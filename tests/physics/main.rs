@@ -13,6 +13,7 @@ mod place;
 mod quasi_2d;
 mod unsteady_friction;
 mod wall;
+mod wall_recursion;
 
 use exact::{Exact, Ramp, Shear};
 use surgescope_core::model::boundary::Closure;

@@ -173,12 +173,18 @@ impl<'a> Baseline<'a> {
 
     /// The problem of fitting a model to the binned data.
     pub fn problem<'m>(&'m self, model: &'m Model<'m>) -> FitProblem<'m> {
-        FitProblem::new(model, &self.runs, window(self.reaches))
+        FitProblem::new(model, &self.runs, window(self.reaches.max(model.effects_reaches(&self.shared_of(model)))))
     }
 
     /// The same for a descent that moves all parameters: a coarser grid shows the way.
     pub(crate) fn passing<'m>(&'m self, model: &'m Model<'m>) -> FitProblem<'m> {
-        self.problem(model).with_coarse_slopes(model.least_reaches(&self.values))
+        self.problem(model).with_coarse_slopes(model.least_reaches(&self.shared_of(model)))
+    }
+
+    /// The start model's shared values, with the starts of those that a model of further effects adds.
+    fn shared_of(&self, model: &Model) -> Vec<f64> {
+        let added = model.shared.iter().skip(self.shared).map(|p| p.start);
+        self.values[..self.shared].iter().copied().chain(added).collect()
     }
 
     /// The residuals of samples and flow meters, without those of priors.

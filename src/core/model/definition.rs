@@ -188,10 +188,25 @@ impl<'a> Model<'a> {
         4.0 * self.rig.way().map(|i| self.rig.pipes[i].length_m / shared[i]).sum::<f64>()
     }
 
-    /// Fewest reaches for the pipes, with a margin of a fifth for their wave speeds.
+    /// Fewest reaches for the pipes, with a margin of a fifth for their wave speeds, and for the effects.
     pub fn least_reaches(&self, shared: &[f64]) -> usize {
         let margin = if self.rig.pipes.len() > 1 { 1.2 } else { 1.0 };
-        (margin * self.pipes_travel_s(shared).least_reaches() as f64).ceil() as usize
+        let pipes = (margin * self.pipes_travel_s(shared).least_reaches() as f64).ceil() as usize;
+        pipes.max(self.effects_reaches(shared))
+    }
+
+    /// Fewest reaches at which every pipe has as many steps as the effects ask for.
+    pub fn effects_reaches(&self, shared: &[f64]) -> usize {
+        let way_s = self.pipes_travel_s(shared).way_s();
+        let pipes = || self.rig.pipes.iter().zip(shared);
+        let needed = self.chosen(shared).flat_map(|(chosen, values)| {
+            pipes().map(move |(pipe, &wave_speed_m_s)| {
+                let steps = chosen.effect.least_steps(values, self.rig, pipe, wave_speed_m_s);
+                (steps, pipe.length_m / wave_speed_m_s)
+            })
+        });
+        let needed = needed.filter(|(steps, _)| *steps > 1.0).map(|(steps, travel_s)| steps * way_s / travel_s);
+        needed.fold(1.0, f64::max).ceil() as usize
     }
 
     /// Number of reaches, at least `reaches`, that fits the pipes' joints best.

@@ -10,8 +10,8 @@ use crate::model::parameter::Parameter;
 use crate::model::scene::{Scene, Site, Spot};
 use crate::model::steady::Steady;
 use crate::model::trace::Trace;
-use crate::model::wall_waves::WallWaves;
-use crate::rig::Rig;
+use crate::model::wall::waves::WallWaves;
+use crate::rig::{Pipe, Rig};
 
 /// Prior odds of an effect that a record shows by itself: the chance that something else looks like it is one in so
 /// many.
@@ -191,7 +191,17 @@ pub trait Effect: Sync {
         let _ = (values, scene, spot);
         None
     }
-    /// Stress waves in the wall of a pipe that may move.
+    /// Whether it asks for a node at each joint of two pipes, where the grid else may have a reach over it.
+    fn joints_on_nodes(&self) -> bool {
+        false
+    }
+    /// Fewest steps that a pressure wave must take through a pipe of the rig: more than one where it has faster waves,
+    /// which may not pass the pipe within a step.
+    fn least_steps(&self, values: &[f64], rig: &Rig, pipe: &Pipe, wave_speed_m_s: f64) -> f64 {
+        let _ = (values, rig, pipe, wave_speed_m_s);
+        1.0
+    }
+    /// Stress waves in the walls of pipes that may move.
     ///
     /// # Errors
     /// See [`Effect::reshape`].

@@ -22,7 +22,7 @@ use crate::model::contribution::{Implicit, LineTerm};
 use crate::model::node::{Node, Solved, Spread};
 use crate::model::state::State;
 use crate::model::steady::Steady;
-use crate::model::wall_waves::WallWaves;
+use crate::model::wall::waves::WallWaves;
 use crate::units::GRAVITY_M_S2;
 
 /// Owners of the parts of the line: the index of an account for every term, field, shunt and loss.
@@ -217,7 +217,7 @@ impl<'a> Balance<'a> {
         self.row[EFFECTS + one.owner] += self.weight * head_m * one.flow_m3_s;
     }
 
-    /// Adds what pressure waves bring to an end of head deviation `h` less what goes on there: the wall takes it.
+    /// Adds what pressure waves bring to an end or joint of head deviation `h` less what goes on there: the wall takes it.
     pub fn wall(&mut self, (h, flow_m3_s): (f64, f64), (on_m, on_m3_s): (f64, f64)) {
         if let Some(owner) = self.owners.wall {
             self.row[EFFECTS + owner] += self.weight * (h * flow_m3_s - on_m * on_m3_s);

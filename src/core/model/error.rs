@@ -13,9 +13,9 @@ pub enum ModelError {
     )]
     TooFewReaches { reaches: usize, needed: usize },
     #[error(
-        "effect '{effect}' is written for a rig of one uniform pipe: leave it out, or describe the rig as one pipe"
+        "effect '{effect}' is written for pipes in series: leave it out, or describe the rig as one line without branches"
     )]
-    OnePipe { effect: String },
+    OneLine { effect: String },
     #[error("{name} = {} is outside its physical range ({allowed})", number(*value))]
     Value { name: String, value: f64, allowed: &'static str },
     #[error("unknown effect '{name}'; did you mean '{nearest}'? Known are: {known}")]

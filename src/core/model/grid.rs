@@ -10,7 +10,8 @@
 //!
 //! A single line gets the step with which its reaches are whole. Several lines share one step, so each begins with a
 //! reach that takes longer: its wave passes an all-pass filter ([`Late`](crate::model::late::Late)) that delays it by
-//! the rest of a step and takes nothing of it.
+//! the rest of a step and takes nothing of it. The same holds for several runs of a line, where joints must lie on
+//! nodes.
 
 use std::ops::Range;
 
@@ -47,6 +48,8 @@ pub struct Stretch {
     pub regime: Regime,
     /// Whether its wall creeps, in a model with creep.
     pub creeps: bool,
+    /// Its run: stretches of one run share the reaches over their joints; where the next run begins, there is a node.
+    pub run: usize,
 }
 
 impl Stretch {
@@ -145,31 +148,35 @@ impl Grid {
             let (name, value) = ("wave_speed_m_s".to_owned(), odd.wave_speed_m_s);
             return Err(ModelError::Value { name, value, allowed: "1e-6 to 1e9 m/s" });
         }
+        let runs = |line: &[Stretch]| line.chunk_by(|a, b| a.run == b.run).count();
+        let single = lines.iter().map(|line| runs(line)).sum::<usize>() == 1;
         let dt_s = match lines {
-            [line] => even_step(line, reaches),
+            [line] if single => even_step(line, reaches),
             _ => way.iter().map(|&line| travel_s(&lines[line])).sum::<f64>() / reaches as f64,
         };
         let mut grid = Grid { dt_s, segments: Vec::new(), lines: Vec::new() };
         let mut offset = 0;
         for (line, stretches) in lines.iter().enumerate() {
-            let shortest_s = travel_s(stretches);
-            if shortest_s < dt_s * (1.0 - ON_NODE) {
-                let needed = (reaches as f64 * dt_s / shortest_s).ceil() as usize;
-                return Err(ModelError::TooFewReaches { reaches, needed });
-            }
             let first = grid.segments.len();
             let mut start_m = 0.0;
-            for (parts, reaches) in laid(stretches, dt_s, lines.len() > 1) {
-                let parts: Vec<(Stretch, f64)> = parts.iter().map(|&(k, l)| (stretches[k].clone(), l)).collect();
-                let reach_m: f64 = parts.iter().map(|p| p.1).sum();
-                let inertance: f64 = parts.iter().map(|(s, l)| s.inertance() * l).sum();
-                let capacitance: f64 = parts.iter().map(|(s, l)| s.capacitance() * l).sum();
-                let impedance = (inertance / capacitance).sqrt();
-                let late = (inertance * capacitance).sqrt() / dt_s - 1.0;
-                let late = if late > LATE { late } else { 0.0 };
-                grid.segments.push(Segment { offset, reaches, start_m, reach_m, impedance, parts, line, late });
-                offset += reaches + 1;
-                start_m += reach_m * reaches as f64;
+            for run in stretches.chunk_by(|a, b| a.run == b.run) {
+                let own_s = travel_s(run);
+                if own_s < dt_s * (1.0 - ON_NODE) {
+                    let needed = (reaches as f64 * dt_s / own_s).ceil() as usize;
+                    return Err(ModelError::TooFewReaches { reaches, needed });
+                }
+                for (parts, reaches) in laid(run, dt_s, !single) {
+                    let parts: Vec<(Stretch, f64)> = parts.iter().map(|&(k, l)| (run[k].clone(), l)).collect();
+                    let reach_m: f64 = parts.iter().map(|p| p.1).sum();
+                    let inertance: f64 = parts.iter().map(|(s, l)| s.inertance() * l).sum();
+                    let capacitance: f64 = parts.iter().map(|(s, l)| s.capacitance() * l).sum();
+                    let impedance = (inertance / capacitance).sqrt();
+                    let late = (inertance * capacitance).sqrt() / dt_s - 1.0;
+                    let late = if late > LATE { late } else { 0.0 };
+                    grid.segments.push(Segment { offset, reaches, start_m, reach_m, impedance, parts, line, late });
+                    offset += reaches + 1;
+                    start_m += reach_m * reaches as f64;
+                }
             }
             grid.lines.push(first..grid.segments.len());
         }
@@ -189,6 +196,11 @@ impl Grid {
     /// The segments behind which another one of the same line follows.
     pub fn joints(&self) -> impl Iterator<Item = usize> {
         self.lines.iter().flat_map(|line| line.start..line.end - 1)
+    }
+
+    /// Steps that a pressure wave takes over these segments.
+    pub fn steps(&self, segments: Range<usize>) -> f64 {
+        self.segments[segments].iter().map(|s| s.reaches as f64 * (1.0 + s.late)).sum()
     }
 
     /// Total number of reaches.
@@ -448,6 +460,7 @@ impl Stretch {
             friction: WallFriction::constant(0.02),
             regime: Regime::Turbulent,
             creeps: true,
+            run: 0,
         }
     }
 }

@@ -4,6 +4,8 @@ use crate::model::end::End;
 use crate::model::energy::Balance;
 use crate::model::node::{Arriving, Node, Spread};
 use crate::model::state::State;
+use crate::model::wall::joint::WallJoint;
+use crate::model::wall::waves::WallWaves;
 
 /// Rounds in which elements that meet at a joint learn of each other's flows. A round gains digits: what one takes at
 /// once changes the other's head little.
@@ -47,16 +49,25 @@ impl<'a> Joints<'a> {
 
     /// Solves all joints at the new time and sends the waves back into the segments.
     #[inline(always)]
-    pub(crate) fn step(&mut self, state: &mut State, balance: &mut Option<&mut Balance>) {
+    pub(crate) fn step(
+        &mut self,
+        state: &mut State,
+        mut wall: Option<&mut WallWaves>,
+        balance: &mut Option<&mut Balance>,
+    ) {
         for joint in &mut self.joints {
             (joint.from_left, joint.from_right) = (joint.left.arriving(state), joint.right.arriving(state));
+            if let Some(wall) = wall.as_mut().and_then(|wall| wall.behind(joint.segment)) {
+                joint.from_left = wall.meets(joint.from_left);
+            }
             joint.by_both = 1.0 / (joint.from_left.z + joint.from_right.z);
         }
         if !self.spread.is_empty() {
             (0..self.sweeps).for_each(|_| self.find_spread(state));
         }
         for joint in &mut self.joints {
-            joint.step(state, balance);
+            let wall = wall.as_mut().and_then(|wall| wall.behind(joint.segment));
+            joint.step(state, wall, balance);
         }
         for one in &mut self.spread {
             if let Some(balance) = balance {
@@ -88,12 +99,12 @@ impl<'a> Joints<'a> {
 
 impl Joint<'_> {
     #[inline(always)]
-    fn step(&mut self, state: &mut State, balance: &mut Option<&mut Balance>) {
+    fn step(&mut self, state: &mut State, wall: Option<&mut WallJoint>, balance: &mut Option<&mut Balance>) {
         let Joint { left, right, node, from_left, from_right, by_both, .. } = self;
         if node.is_plain() {
             let flow = (from_left.e - from_right.e - from_left.z * node.taken_m3_s) * *by_both;
             let head = from_right.e + from_right.z * flow;
-            left.leave(state, head, flow + node.taken_m3_s);
+            leave_left(state, left, (head, flow + node.taken_m3_s), wall, balance);
             right.leave(state, head, flow);
             return;
         }
@@ -102,7 +113,7 @@ impl Joint<'_> {
             balance.node(self.segment, node, &solved, [left.steady_head_m, right.steady_head_m]);
         }
         node.advance(&solved);
-        left.leave(state, solved.left_head_m, solved.left_flow_m3_s);
+        leave_left(state, left, (solved.left_head_m, solved.left_flow_m3_s), wall, balance);
         right.leave(state, solved.right_head_m, solved.right_flow_m3_s);
     }
 
@@ -115,4 +126,23 @@ impl Joint<'_> {
             node.find_between(*from_left, *from_right, self.right.head_m(state)).right_head_m
         }
     }
+}
+
+/// Sends the wave back into the segment before a joint of this head and flow; behind a joint of walls that move, they
+/// are those of the pipe behind it.
+#[inline(always)]
+fn leave_left(
+    state: &mut State,
+    left: &End<true>,
+    (head_m, flow_m3_s): (f64, f64),
+    wall: Option<&mut WallJoint>,
+    balance: &mut Option<&mut Balance>,
+) {
+    let Some(wall) = wall else { return left.leave(state, head_m, flow_m3_s) };
+    let (own_m, own_m3_s) = wall.leaves(flow_m3_s);
+    if let Some(balance) = balance {
+        let steady_m = left.steady_head_m;
+        balance.wall((own_m - steady_m, own_m3_s), (head_m - steady_m, flow_m3_s));
+    }
+    left.leave(state, own_m, own_m3_s);
 }

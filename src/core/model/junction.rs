@@ -10,7 +10,7 @@ use crate::model::energy::Balance;
 use crate::model::node::{Arriving, Node};
 use crate::model::passage::Passage;
 use crate::model::state::State;
-use crate::model::wall_waves::WallEnd;
+use crate::model::wall::end::WallEnd;
 
 /// What is at a node.
 pub enum Law {

@@ -53,7 +53,7 @@ pub mod stop;
 pub mod trace;
 pub(crate) mod unsteady_kernels;
 pub mod valve_from_head;
-pub mod wall_waves;
+pub mod wall;
 
 pub use crate::model::definition::{Model, check_places};
 pub use crate::model::error::ModelError;

@@ -41,8 +41,9 @@ impl Model<'_> {
         Ok(Travel { lines_s: lines.iter().map(of).collect(), ..self.pipes_travel_s(shared) })
     }
 
-    /// Fewest reaches at which no pipe, and no section that an effect makes of one, is shorter than a reach. With
-    /// fewer, a simulation still runs and lumps short sections with their neighbours, because a fit moves them about.
+    /// Fewest reaches at which no pipe, and no section that an effect makes of one, is shorter than a reach, and every
+    /// pipe has the steps that effects ask for. With fewer, a simulation still runs and lumps short sections with their
+    /// neighbours, because a fit moves them about.
     ///
     /// # Errors
     /// If a value is outside its physical range.
@@ -52,7 +53,7 @@ impl Model<'_> {
         shared: &[f64],
         run: &RunValues,
     ) -> Result<usize, ModelError> {
-        Ok(self.travel_s(conditions, shared, run)?.least_reaches())
+        Ok(self.travel_s(conditions, shared, run)?.least_reaches().max(self.effects_reaches(shared)))
     }
 
     /// Simulates one run: the reading of each probe, in time after the start of the closure.
@@ -255,6 +256,7 @@ impl Model<'_> {
     ) -> Vec<Vec<Stretch>> {
         // If some pipes are of a material that creeps, only they do.
         let any_creeps = self.rig.pipes.iter().any(|p| p.material().viscoelastic);
+        let on_nodes = self.effects.iter().any(|c| c.effect.joints_on_nodes());
         let stretch = |i: usize, flow_m3_s: f64| {
             let pipe = &self.rig.pipes[i];
             let given = conditions.regimes.as_ref().and_then(|regimes| regimes.get(i));
@@ -266,6 +268,7 @@ impl Model<'_> {
                 wall_m: pipe.wall_thickness_m,
                 wave_speed_m_s: shared[i],
                 constraint: pipe.constraint_coefficient(),
+                run: if on_nodes { i } else { 0 },
                 friction: WallFriction::in_regime(pipe, &conditions.water, flow_m3_s, regime)
                     .scaled(run.friction_scale),
                 regime,

@@ -13,7 +13,7 @@ use crate::model::state::{LineTerms, Reading, State};
 use crate::model::steady::Steady;
 use crate::model::stop::Heeded;
 use crate::model::trace::{Probe, Trace};
-use crate::model::wall_waves::WallWaves;
+use crate::model::wall::waves::WallWaves;
 use crate::rig::{Graph, Place};
 use crate::wide::widened;
 
@@ -64,13 +64,13 @@ impl<'a> Lines<'a> {
         let readings: Vec<Reading> = probes.iter().map(|&probe| Reading::new(probe, self.steady)).collect();
         let mut lines = self.stepped(graph, &state);
         if let Some(wall) = &mut lines.wall {
-            wall.reserve(steps, probes);
+            wall.reserve(grid, steps, probes);
         }
         let mut traces: Vec<Trace> = readings.iter().map(|_| Trace::with_capacity(grid.dt_s, steps + 1)).collect();
         state.read(&mut traces, &readings);
         march(&mut lines, &mut state, steps, &readings, &mut traces, &mut balance)?;
         if let Some(wall) = lines.wall {
-            wall.show(probes, &mut traces);
+            wall.show(grid, probes, &mut traces);
         }
         Ok((traces, balance.map(Balance::close)))
     }
@@ -204,10 +204,10 @@ impl Stepped<'_> {
             let wall = self.wall.as_mut().and_then(|wall| wall.at(n));
             junction.step(state, (time_s, grid.dt_s), wall, &mut balance);
         }
+        self.joints.step(state, self.wall.as_mut(), &mut balance);
         if let Some(wall) = &mut self.wall {
             wall.turn();
         }
-        self.joints.step(state, &mut balance);
         for (s, segment) in grid.segments.iter().enumerate().filter(|(_, segment)| segment.reaches > 1) {
             match &mut self.field {
                 None => state.interior(s, segment.nodes()),

@@ -1,17 +1,24 @@
-//! A pipe that moves along its axis: stress waves in its wall, Poisson's contraction, and a valve that the water pushes.
+//! Pipes that move along their axis: stress waves in their walls, Poisson's contraction, and a valve that the water
+//! pushes.
 
 use crate::model::effect::{Effect, check};
 use crate::model::error::ModelError;
 use crate::model::parameter::Parameter;
 use crate::model::scene::{Scene, Site};
 use crate::model::steady::Steady;
-use crate::model::wall_waves::{Hold, Wall, WallWaves};
-use crate::rig::{Constraint, Rig};
+use crate::model::wall::end::Hold;
+use crate::model::wall::modes::Wall;
+use crate::model::wall::waves::{LEAST_STEPS, LEAST_STEPS_ON_FLOOR, WallWaves};
+use crate::rig::{Constraint, Pipe, Rig};
 use crate::units::GRAVITY_M_S2;
 
-/// See [`wall_waves`](crate::model::wall_waves) for the equations.
+/// See [`wall`](crate::model::wall) for the equations.
 ///
-/// The supply's end is free where the rig file says `constraint = "free"`, and anchored elsewhere.
+/// The supply's end is free where the rig file says `constraint = "free"` of the pipe there, and anchored elsewhere.
+/// Joints of pipes are free to move.
+///
+/// Poisson's ratio and the speed of stress waves are those of the pipe at the valve. Other pipes have them in the ratio
+/// of the rig file's values: of its Poisson's ratios, and of the typical moduli and densities of its materials.
 pub struct FluidStructure;
 
 /// The same with dry friction of the valve's support.
@@ -46,7 +53,8 @@ impl Effect for FluidStructure {
     }
     fn equation(&self) -> &'static str {
         "dV/dt + g dH/dx = 0,  dH/dt + (c²/g) dV/dx = 2ν (c²/g) du/dx;\n\
-         ρ_w du/dt = ds/dx,  ds/dt = E du/dx + ν (D/2e) ρg dH/dt;  at the valve V - u = V_valve, A_w s + k ∫u dt = A ρg H"
+         ρ_w du/dt = ds/dx,  ds/dt = E du/dx + ν (D/2e) ρg dH/dt;  at the valve V - u = V_valve, A_w s + k ∫u dt = A ρg H;\n\
+         at a joint of two pipes H, u, A (V - u) and A_w s - A ρg H are continuous"
     }
     fn source(&self) -> &'static str {
         "Skalak (1956), Trans. ASME 78:105-116; Tijsseling (1996), J. Fluids Struct. 10:109-146, and (2003), 18:179-196; in a thin wall, \
@@ -63,23 +71,37 @@ impl Effect for FluidStructure {
         &[(DRY, TWICE), (FLOOR, TWICE), ("moving-valve", WHY)]
     }
     fn impossible(&self, rig: &Rig) -> Option<&'static str> {
-        (rig.pipes.len() > 1).then_some("it is written for one uniform pipe")
+        (rig.graph.lines.len() > 1).then_some("it is written for pipes in series")
+    }
+    fn joints_on_nodes(&self) -> bool {
+        true
+    }
+    fn least_steps(&self, values: &[f64], rig: &Rig, pipe: &Pipe, wave_speed_m_s: f64) -> f64 {
+        LEAST_STEPS * stress_speed_m_s(rig, pipe, values[1]) / wave_speed_m_s
     }
     fn parameters(&self, site: &Site, _elements: usize) -> Vec<Parameter> {
-        let pipe = site.pipe();
+        let pipe = site.rig.pipe_at_valve();
         let material = pipe.material();
-        let speed = |modulus_pa: f64| (modulus_pa / material.density_kg_m3).sqrt();
-        let [low, high] = material.youngs_modulus_range_pa.map(speed);
-        let wave_speed = pipe.wave_speed_start(site.water).0;
-        let whole_mm_per_m = 1e3 * GRAVITY_M_S2 * site.rig.length_m() / wave_speed.powi(2);
+        let [low, high] = material.youngs_modulus_range_pa.map(|pa| (pa / material.density_kg_m3).sqrt());
+        let yields = |pipe: &Pipe| pipe.length_m / pipe.wave_speed_start(site.water).0.powi(2);
+        let whole_mm_per_m = 1e3 * GRAVITY_M_S2 * site.rig.way_pipes().map(yields).sum::<f64>();
+        // No pipe's ratio goes beyond a half.
+        let most = site.rig.way_pipes().map(Pipe::poisson_ratio).fold(0.0, f64::max);
         vec![
-            Parameter::linear("wall_poisson_ratio", "1", "Poisson's ratio of the wall", pipe.poisson_ratio(), 0.0, 0.5)
-                .vanishing_at(0.0),
+            Parameter::linear(
+                "wall_poisson_ratio",
+                "1",
+                "Poisson's ratio of the wall of the pipe at the valve",
+                pipe.poisson_ratio(),
+                0.0,
+                0.5 * (pipe.poisson_ratio() / most),
+            )
+            .vanishing_at(0.0),
             Parameter::log(
                 "stress_wave_speed_m_s",
                 "m/s",
-                "speed of stress waves along a bar of the wall's material",
-                speed(material.youngs_modulus_pa),
+                "speed of stress waves along a bar of that wall's material",
+                bar_speed_m_s(pipe),
                 low,
                 high,
             ),
@@ -102,7 +124,24 @@ impl Effect for FluidStructure {
     }
 }
 
-/// The wall of all forms, by their first three values and what rubs.
+/// Speed of stress waves along a bar of a pipe's material, by its typical modulus.
+fn bar_speed_m_s(pipe: &Pipe) -> f64 {
+    (pipe.material().youngs_modulus_pa / pipe.material().density_kg_m3).sqrt()
+}
+
+/// Speed of stress waves in a pipe where that in the one at the valve is `at_valve_m_s`.
+fn stress_speed_m_s(rig: &Rig, pipe: &Pipe, at_valve_m_s: f64) -> f64 {
+    at_valve_m_s * (bar_speed_m_s(pipe) / bar_speed_m_s(rig.pipe_at_valve()))
+}
+
+/// Section of water as heavy as a pipe full of it, m².
+fn heavy_m2(pipe: &Pipe, density_kg_m3: f64) -> f64 {
+    let wall_over_water =
+        4.0 * pipe.wall_thickness_m / pipe.inner_diameter_m * pipe.material().density_kg_m3 / density_kg_m3;
+    pipe.area_m2() * (1.0 + wall_over_water)
+}
+
+/// The walls of all forms, by their first three values and what rubs.
 fn wall_waves(
     effect: &str,
     values: &[f64],
@@ -110,34 +149,38 @@ fn wall_waves(
     scene: &Scene,
     steady: &Steady,
 ) -> Result<Option<WallWaves>, ModelError> {
-    let (poisson_ratio, stress_speed_m_s, give_mm_per_m) = (values[0], values[1], values[2]);
-    check("wall_poisson_ratio", poisson_ratio, (0.0..=0.5).contains(&poisson_ratio), "from 0 to 0.5")?;
-    check("stress_wave_speed_m_s", stress_speed_m_s, stress_speed_m_s > 0.0, "more than zero")?;
+    let (poisson_ratio, at_valve_m_s, give_mm_per_m) = (values[0], values[1], values[2]);
+    let (rig, graph) = (scene.rig, &scene.rig.graph);
+    if graph.lines.len() > 1 {
+        return Err(ModelError::OneLine { effect: effect.to_owned() });
+    }
+    let (pipes, last) = (&rig.pipes, rig.pipe_at_valve());
+    let ratio_of = |pipe: &Pipe| poisson_ratio * (pipe.poisson_ratio() / last.poisson_ratio());
+    let possible = pipes.iter().all(|pipe| (0.0..=0.5).contains(&ratio_of(pipe)));
+    check("wall_poisson_ratio", poisson_ratio, possible, "from 0 to 0.5 in every pipe")?;
+    check("stress_wave_speed_m_s", at_valve_m_s, at_valve_m_s > 0.0, "more than zero")?;
     check("valve_give_mm_per_m", give_mm_per_m, give_mm_per_m >= 0.0, "zero or more")?;
     check("dry_friction_m", dry_m, dry_m >= 0.0, "zero or more")?;
     check("floor_friction_m", floor_m, floor_m >= 0.0, "zero or more")?;
-    let (rig, graph) = (scene.rig, &scene.rig.graph);
-    let [pipe] = &rig.pipes[..] else {
-        return Err(ModelError::OnePipe { effect: effect.to_owned() });
-    };
     if poisson_ratio == 0.0 && give_mm_per_m == 0.0 {
         return Ok(None);
     }
-    let wall = Wall {
-        poisson_ratio,
-        stress_speed_m_s,
+    // The floor's friction goes with the weight of what lies on it.
+    let weight = |pipe: &Pipe| pipe.length_m * heavy_m2(pipe, steady.density_kg_m3);
+    let whole: f64 = pipes.iter().map(weight).sum();
+    let wall = |pipe: &Pipe| Wall {
+        poisson_ratio: ratio_of(pipe),
+        stress_speed_m_s: stress_speed_m_s(rig, pipe, at_valve_m_s),
         density_ratio: steady.density_kg_m3 / pipe.material().density_kg_m3,
         wall_ratio: pipe.inner_diameter_m / pipe.wall_thickness_m,
         area_m2: pipe.area_m2(),
         length_m: pipe.length_m,
-        wave_speed_m_s: pipe.length_m / (steady.grid.reaches() as f64 * scene.dt_s),
-        floor_m,
+        floor_m: floor_m * (last.area_m2() / pipe.area_m2()) * (weight(pipe) / whole),
     };
-    let supply = if pipe.constraint == Constraint::Free { Hold::Open } else { Hold::Anchored };
+    let walls: Vec<Wall> = pipes.iter().map(wall).collect();
+    let supply = if pipes[0].constraint == Constraint::Free { Hold::Open } else { Hold::Anchored };
     let valve = Hold::Valve { give: 1e-3 * give_mm_per_m, dry_m };
-    let heads = &steady.head_m;
-    let at = [(graph.supply(), supply, heads[0]), (graph.valve, valve, heads[heads.len() - 1])];
-    WallWaves::new(&wall, at, scene.flow_m3_s, steady).map(Some)
+    WallWaves::new(&walls, [(graph.supply(), supply), (graph.valve, valve)], steady).map(Some)
 }
 
 impl Effect for DryFriction {
@@ -162,6 +205,12 @@ impl Effect for DryFriction {
     }
     fn impossible(&self, rig: &Rig) -> Option<&'static str> {
         FluidStructure.impossible(rig)
+    }
+    fn joints_on_nodes(&self) -> bool {
+        true
+    }
+    fn least_steps(&self, values: &[f64], rig: &Rig, pipe: &Pipe, wave_speed_m_s: f64) -> f64 {
+        LEAST_STEPS * stress_speed_m_s(rig, pipe, values[1]) / wave_speed_m_s
     }
     fn parameters(&self, site: &Site, elements: usize) -> Vec<Parameter> {
         let mut parameters = FluidStructure.parameters(site, elements);
@@ -207,16 +256,21 @@ impl Effect for Floor {
     fn impossible(&self, rig: &Rig) -> Option<&'static str> {
         FluidStructure.impossible(rig)
     }
+    fn joints_on_nodes(&self) -> bool {
+        true
+    }
+    fn least_steps(&self, values: &[f64], rig: &Rig, pipe: &Pipe, wave_speed_m_s: f64) -> f64 {
+        LEAST_STEPS_ON_FLOOR * stress_speed_m_s(rig, pipe, values[1]) / wave_speed_m_s
+    }
     fn parameters(&self, site: &Site, elements: usize) -> Vec<Parameter> {
-        let pipe = site.pipe();
-        let wall_over_water = 4.0 * pipe.wall_thickness_m / pipe.inner_diameter_m * pipe.material().density_kg_m3
-            / site.water.density_kg_m3;
-        let whole_m = USUAL_FRICTION * site.rig.length_m() * (1.0 + wall_over_water);
+        let weight = |pipe: &Pipe| pipe.length_m * heavy_m2(pipe, site.water.density_kg_m3);
+        let whole_m3 = site.rig.way_pipes().map(weight).sum::<f64>();
+        let whole_m = USUAL_FRICTION * whole_m3 / site.rig.pipe_at_valve().area_m2();
         let mut parameters = FluidStructure.parameters(site, elements);
         parameters.push(Parameter::log(
             "floor_friction_m",
             "m",
-            "head whose push on the valve the friction all along the pipe just holds",
+            "head whose push on the valve the friction all along the pipes just holds",
             whole_m,
             1e-4 * whole_m,
             1e1 * whole_m,

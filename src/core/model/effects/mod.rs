@@ -10,7 +10,7 @@
 //! | [`Effect::attachments`] | something at one place, or at an end: before the valve, in the supply's mouth |
 //! | [`Effect::field`] with [`Effect::node_shunt`] | what takes water out of every node |
 //! | [`Effect::supply`], [`Effect::valve`] | the ends |
-//! | [`Effect::wall_waves`] | waves in the wall, which meet those of the water at the ends |
+//! | [`Effect::wall_waves`] | waves in the walls, which meet those of the water at ends and joints |
 //! | [`Effect::sense`] | what one sensor makes of the head |
 
 pub(crate) mod air_pocket;
