@@ -8,11 +8,11 @@ use super::rig::{Case, Hidden};
 const G: f64 = 9.81;
 const NODES: usize = 400;
 const ATMOSPHERE_M: f64 = 10.33;
-const VAPOUR_M: f64 = -10.1;
+pub const VAPOUR_M: f64 = -10.1;
 /// Time that vapour takes to condense where the pressure is above its own. Without it, cavities of a few nodes collapse
 /// one by one in spikes of the grid; with no more than a step of 400 nodes, 800 make another record by more than its
 /// noise.
-const CONDENSING_S: f64 = 2e-3;
+pub const CONDENSING_S: f64 = 2e-3;
 /// Nodes where cavities open, whose records converge at first order: a record with a surge of 1.2 times the head above
 /// vapour pressure changes by 2.2 times its noise from 400 nodes to 800, and by 1.2 times from 800 to 1600.
 const NODES_WITH_CAVITIES: usize = 1600;
