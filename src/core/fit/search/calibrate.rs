@@ -218,7 +218,7 @@ impl<'a> Fitter<'a> {
             let astray = fit.mean_square() > SMALLER_ABOVE || rest.effects.iter().any(proposes_starts);
             let far = if astray { self.smaller(&fit, &rest)? } else { None };
             let smaller = [near, far].into_iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost));
-            if let Some(smaller) = smaller.filter(|smaller| smaller.cost < fit.cost) {
+            if let Some(smaller) = smaller.filter(|smaller| fit.evidence_over(smaller) < STRONG_EVIDENCE) {
                 let on = self.grown(&fit.effects, &smaller, 0.0)?;
                 fit = on.filter(|on| on.cost < fit.cost).unwrap_or(fit);
             }
@@ -367,6 +367,22 @@ mod tests {
         for effect in ["leak", "blockage", "section-change", "side-branch"] {
             let with = left(effect);
             assert!(with <= 1.001 * without, "{effect}: {with} {without}");
+        }
+    }
+
+    /// Gas that follows the pressure too late is as good as absent: a fit must not end there.
+    #[test]
+    fn little_gas_is_found() {
+        let rig = Rig::from_toml(&HDPE.replace("HDPE", "copper"), "rig.toml").unwrap();
+        let run =
+            RunValues { initial_velocity_m_s: 0.4, valve_head_m: 59.0, closing_time_s: 0.09, friction_scale: 1.0 };
+        let gas = parse_list("entrained-gas").unwrap();
+        for fraction in [2e-6, 1e-5, 1.3e-5] {
+            let runs = [record(&rig, &gas, &[1250.0, fraction, 2e-6], run, 0.05, 3.0)];
+            let options = Options { most_reaches: 64, ..Options::default() };
+            let fit = calibrate(&rig, &runs, &gas, &options, &|_| {}).unwrap();
+            let found = fit.parameter("gas_fraction").unwrap().value;
+            assert!((found / fraction - 1.0).abs() < 0.03, "{fraction}: {found}, {}", fit.over_noise());
         }
     }
 

@@ -59,12 +59,13 @@ impl Effect for EntrainedGas {
                 1e-2,
             )
             .vanishing_at(0.0),
-            // Bubbles of 0.1 to 1 mm exchange their heat in 0.1 to 10 ms.
+            // Bubbles of 0.1 to 1 mm exchange their heat in 0.1 to 10 ms. A fit begins below: gas that follows too late
+            // is as good as absent.
             Parameter::log(
                 "gas_lag_s",
                 "s",
                 "time that the gas takes to follow the pressure: exchange of heat, release and solution",
-                2e-4,
+                2e-5,
                 1e-7,
                 0.1,
             )
