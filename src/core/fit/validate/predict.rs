@@ -130,6 +130,12 @@ pub fn predict(
     };
     let shared = known.shared.iter().filter(|p| here(&p.name));
     let mut constraints: Vec<Constraint> = shared.map(|p| settled(&p.name, None, p.value)).collect();
+    let model = Model::new(rig, water, &known.effects);
+    // What an effect has got since the model was saved is where it starts: so it was when it was no parameter.
+    let values: Vec<f64> = (model.shared.iter())
+        .map(|p| known.shared.iter().find(|known| known.name == p.name).map_or(p.start, |known| known.value))
+        .collect();
+    constraints.extend(model.shared.iter().zip(&values).map(|(p, &value)| settled(&p.name, None, value)));
     constraints.extend(held.iter().cloned());
     for run in runs {
         let mut settle = |name: &str, value: f64| {
@@ -142,12 +148,12 @@ pub fn predict(
             settle("valve_head_m", run.start.valve_head_m.0);
         }
     }
-    let model = Model::new(rig, water, &known.effects).constrained(&constraints);
-    let period_s = model.period_s(&known.shared.iter().map(|p| p.value).collect::<Vec<_>>());
+    let model = model.constrained(&constraints);
+    let period_s = model.period_s(&values);
     let closing_s = held.iter().filter(|c| c.name == "closing_time_s").map(|c| c.upper);
     let closing_s = closing_s.fold(rig.valve.closing_time_s, f64::max);
     let known_until_s = (0.5 * period_s).max(CLOSURE_MARGIN * closing_s);
-    let reaches = OWN_REACHES.max(model.least_reaches(&known.shared.iter().map(|p| p.value).collect::<Vec<_>>()));
+    let reaches = OWN_REACHES.max(model.least_reaches(&values));
     let problem = FitProblem::new(&model, runs, Window { reaches, horizon_s: known_until_s, stride: 1 });
     problem.validate_constraints(&constraints)?;
     let own = minimise(&problem, &problem.start(), OWN_VALUES, |iteration, cost| {
@@ -238,6 +244,26 @@ fn of_shared(problem: &FitProblem, known: &Known, values: &[f64]) -> DMatrix<f64
 mod tests {
     use super::*;
     use crate::fit::numeric::uncertainty::covariance;
+    use crate::fit::problem::test_record::{HDPE, record};
+    use crate::model::RunValues;
+    use crate::model::effects::parse_list;
+
+    /// A model that was saved when its effect had a parameter fewer predicts, with that parameter as it starts.
+    #[test]
+    fn a_parameter_that_came_later_is_where_it_starts() {
+        let rig = Rig::from_toml(&HDPE.replace("HDPE", "copper"), "rig.toml").unwrap();
+        let run =
+            RunValues { initial_velocity_m_s: 0.3, valve_head_m: 40.0, closing_time_s: 0.05, friction_scale: 1.0 };
+        let effects = parse_list("entrained-gas").unwrap();
+        let runs = [record(&rig, &effects, &[1250.0, 1e-5, 2e-5], run, 0.05, 1.0)];
+        let value = |(name, value): (&str, f64)| Shared { name: name.to_owned(), value, standard_error: None };
+        let shared = [("gas_fraction", 1e-5), ("wave_speed_m_s", 1250.0)].map(value).to_vec();
+        let known = Known { effects, shared, correlation: Vec::new(), friction_scale: 1.0 };
+        let prediction = predict(&rig, &runs, &known, &[], &Options::default(), &|_| {}).unwrap();
+        let lag = prediction.fit.parameter("gas_lag_s").unwrap();
+        assert!(lag.held && (lag.value / 2e-5 - 1.0).abs() < 1e-9, "{}", lag.value);
+        assert!(prediction.fit.over_noise() < 1.2, "{}", prediction.fit.over_noise());
+    }
 
     /// y = v + a t + o with a held at a value that is known to 0.1, over samples about t = 2: v makes up for what a is
     /// off by, twice as much; an offset that is held and known to 0.3 is taken by v whole. At t = 2 nothing of either
