@@ -111,7 +111,7 @@ fn modelled(case: &Case, water: &WaterProperties, effect: &str, values: &[f64], 
     };
     let resolution = Resolution { reaches, duration_s: case.duration_s };
     let probes = [Probe::head(case.length_m), Probe::head(case.sensors_m[1])];
-    let simulated = model.simulate(&Conditions::of(water.clone()), &shared, &run, resolution, &probes).unwrap();
+    let simulated = model.simulate(&Conditions::of(*water), &shared, &run, resolution, &probes).unwrap();
     simulated.traces.iter().flat_map(|trace| times_s().map(|t| trace.at(t))).collect()
 }
 
