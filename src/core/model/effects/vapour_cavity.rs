@@ -48,9 +48,10 @@ impl Effect for VapourCavity {
     fn odds(&self, known: &Circumstances) -> f64 {
         if known.above_vapour_m < FLOOR_M { SHOWN } else { 1.0 }
     }
-    /// The gas that starts the cavities cushions the many small ones of a region near vapour pressure; Bergant, Simpson
-    /// & Tijsseling (2006) recommend 1e-7 or less. It rounds what follows a collapse by more than the noise, and so does
-    /// the pressure of the air by a hundredth more or less. Neither is known beforehand.
+    /// Neither the gas nor the pressure of the air is known beforehand, and each changes a boiling record by more than
+    /// its noise. The gas cushions the many small cavities of a region near vapour pressure and rounds what follows
+    /// their collapse; Bergant, Simpson & Tijsseling (2006) recommend 1e-7 or less. The pressure of the air sets the
+    /// gauge pressure at which water boils.
     fn parameters(&self, _site: &Site, _elements: usize) -> Vec<Parameter> {
         vec![
             Parameter::log(
