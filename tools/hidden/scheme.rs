@@ -14,7 +14,7 @@ pub const VAPOUR_M: f64 = -10.1;
 /// noise.
 pub const CONDENSING_S: f64 = 2e-3;
 /// Nodes where cavities open, whose records converge at first order: a record with a surge of 1.2 times the head above
-/// vapour pressure changes by 2.2 times its noise from 400 nodes to 800, and by 1.2 times from 800 to 1600.
+/// vapour pressure changes by 2.1 times its noise from 400 nodes to 800, and by 1.2 times from 800 to 1600.
 const NODES_WITH_CAVITIES: usize = 1600;
 
 /// A line of reaches: the pipe, or a branch.
