@@ -1,10 +1,10 @@
 //! What holds of a diagnosis whatever the records: the order in which things are given changes no answer, and nothing
 //! is claimed over a rival that is not at its optimum.
 
-use crate::diagnose::search::tests::{copper, run, searched};
+use crate::diagnose::search::tests::{run, searched};
 use crate::diagnose::{Diagnosis, Verdict, diagnose};
 use crate::fit::data::run_data::RunData;
-use crate::fit::problem::test_record::{HDPE, record};
+use crate::fit::problem::test_record::{HDPE, copper, record};
 use crate::fit::search::calibrate::{calibrate, refine};
 use crate::fit::search::options::{Effort, Options};
 use crate::model::Model;

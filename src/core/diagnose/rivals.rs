@@ -166,8 +166,8 @@ impl Search<'_> {
 
 #[cfg(test)]
 mod tests {
-    use crate::diagnose::search::tests::{copper, run, searched};
-    use crate::fit::problem::test_record::record;
+    use crate::diagnose::search::tests::{run, searched};
+    use crate::fit::problem::test_record::{copper, record};
     use crate::fit::search::calibrate::{calibrate, refine};
     use crate::fit::search::options::Options;
     use crate::model::effects::parse_list;

@@ -130,7 +130,7 @@ pub(crate) mod tests {
     use super::*;
     use crate::diagnose::baseline::Baseline;
     use crate::fit::data::run_data::RunData;
-    use crate::fit::problem::test_record::{HDPE, record, short_branch};
+    use crate::fit::problem::test_record::{copper, record, short_branch};
     use crate::fit::search::calibrate::{Fitter, calibrate};
     use crate::fit::search::options::Options;
     use crate::model::RunValues;
@@ -144,10 +144,6 @@ pub(crate) mod tests {
         let baseline = Baseline::new(rig, runs, &start, options).unwrap();
         let fitter = Fitter::new(rig, runs, options, &|_| {});
         check(&mut Search::new(fitter, &asked, &start, &start, &baseline));
-    }
-
-    pub(crate) fn copper() -> Rig {
-        Rig::from_toml(&HDPE.replace("HDPE", "copper"), "rig.toml").unwrap()
     }
 
     pub(crate) fn run(initial_velocity_m_s: f64) -> RunValues {

@@ -147,7 +147,7 @@ mod tests {
     use crate::diagnose::evidence::tempered;
     use crate::diagnose::measures::square;
     use crate::fit::outcome::fit::Fit;
-    use crate::fit::problem::test_record::{HDPE, record};
+    use crate::fit::problem::test_record::{copper, record};
     use crate::fit::search::calibrate::calibrate;
     use crate::model::RunValues;
     use crate::model::effects::parse_list;
@@ -157,7 +157,7 @@ mod tests {
 
     fn rig() -> Rig {
         // known exactly, and elastic: two answers, nothing else
-        Rig::from_toml(&HDPE.replace("HDPE", "copper"), "rig.toml").unwrap()
+        copper()
     }
 
     fn fitted(rig: &Rig, runs: &[RunData], effects: &str) -> Fit {

@@ -30,6 +30,11 @@ position_m = 80.0
 unit = "kPa"
 "#;
 
+/// The same pipe of copper, which does not creep.
+pub(crate) fn copper() -> Rig {
+    Rig::from_toml(&HDPE.replace("HDPE", "copper"), "rig.toml").unwrap()
+}
+
 /// When the valve starts to close, s.
 const CLOSURE_S: f64 = 0.2;
 

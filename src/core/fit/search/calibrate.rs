@@ -218,7 +218,9 @@ impl<'a> Fitter<'a> {
             let astray = fit.mean_square() > SMALLER_ABOVE || rest.effects.iter().any(proposes_starts);
             let far = if astray { self.smaller(&fit, &rest)? } else { None };
             let smaller = [near, far].into_iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost));
-            if let Some(smaller) = smaller.filter(|smaller| fit.evidence_over(smaller) < STRONG_EVIDENCE) {
+            // nothing supports an effect that gains no more: it may have ended where it does nothing
+            let in_vain = |small: &Fit| small.cost < fit.cost || fit.evidence_over(small) < STRONG_EVIDENCE;
+            if let Some(smaller) = smaller.filter(in_vain) {
                 let on = self.grown(&fit.effects, &smaller, 0.0)?;
                 fit = on.filter(|on| on.cost < fit.cost).unwrap_or(fit);
             }
@@ -318,7 +320,7 @@ impl OneLess {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fit::problem::test_record::{HDPE, record};
+    use crate::fit::problem::test_record::{HDPE, copper, record};
     use crate::model::RunValues;
     use crate::model::constraint::Constraint;
     use crate::model::effects::parse_list;
@@ -354,7 +356,7 @@ mod tests {
     /// with it leaves no more.
     #[test]
     fn what_is_not_there_vanishes() {
-        let rig = Rig::from_toml(&HDPE.replace("HDPE", "copper"), "rig.toml").unwrap();
+        let rig = copper();
         let run =
             RunValues { initial_velocity_m_s: 0.3, valve_head_m: 40.0, closing_time_s: 0.03, friction_scale: 1.0 };
         let runs = [record(&rig, &[], &[1250.0], run, 0.02, 3.0)];
@@ -373,7 +375,7 @@ mod tests {
     /// Gas that follows the pressure too late is as good as absent: a fit must not end there.
     #[test]
     fn little_gas_is_found() {
-        let rig = Rig::from_toml(&HDPE.replace("HDPE", "copper"), "rig.toml").unwrap();
+        let rig = copper();
         let run =
             RunValues { initial_velocity_m_s: 0.4, valve_head_m: 59.0, closing_time_s: 0.09, friction_scale: 1.0 };
         let gas = parse_list("entrained-gas").unwrap();

@@ -128,14 +128,15 @@ pub fn predict(
         Some(placed) => runs.iter().flat_map(|run| &run.sensors).any(|s| s.sensor.name == placed),
         None => true,
     };
-    let shared = known.shared.iter().filter(|p| here(&p.name));
-    let mut constraints: Vec<Constraint> = shared.map(|p| settled(&p.name, None, p.value)).collect();
     let model = Model::new(rig, water, &known.effects);
     // What an effect has got since the model was saved is where it starts: so it was when it was no parameter.
     let values: Vec<f64> = (model.shared.iter())
         .map(|p| known.shared.iter().find(|known| known.name == p.name).map_or(p.start, |known| known.value))
         .collect();
-    constraints.extend(model.shared.iter().zip(&values).map(|(p, &value)| settled(&p.name, None, value)));
+    let own = model.shared.iter().zip(&values).map(|(p, &value)| settled(&p.name, None, value));
+    let is_own = |name: &str| model.shared.iter().any(|p| p.name == name);
+    let others = known.shared.iter().filter(|p| !is_own(&p.name) && here(&p.name));
+    let mut constraints: Vec<Constraint> = own.chain(others.map(|p| settled(&p.name, None, p.value))).collect();
     constraints.extend(held.iter().cloned());
     for run in runs {
         let mut settle = |name: &str, value: f64| {
@@ -244,14 +245,14 @@ fn of_shared(problem: &FitProblem, known: &Known, values: &[f64]) -> DMatrix<f64
 mod tests {
     use super::*;
     use crate::fit::numeric::uncertainty::covariance;
-    use crate::fit::problem::test_record::{HDPE, record};
+    use crate::fit::problem::test_record::{copper, record};
     use crate::model::RunValues;
     use crate::model::effects::parse_list;
 
     /// A model that was saved when its effect had a parameter fewer predicts, with that parameter as it starts.
     #[test]
     fn a_parameter_that_came_later_is_where_it_starts() {
-        let rig = Rig::from_toml(&HDPE.replace("HDPE", "copper"), "rig.toml").unwrap();
+        let rig = copper();
         let run =
             RunValues { initial_velocity_m_s: 0.3, valve_head_m: 40.0, closing_time_s: 0.05, friction_scale: 1.0 };
         let effects = parse_list("entrained-gas").unwrap();

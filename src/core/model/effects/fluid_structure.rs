@@ -82,7 +82,7 @@ impl Effect for FluidStructure {
     fn parameters(&self, site: &Site, _elements: usize) -> Vec<Parameter> {
         let pipe = site.rig.pipe_at_valve();
         let material = pipe.material();
-        let [low, high] = material.youngs_modulus_range_pa.map(|pa| (pa / material.density_kg_m3).sqrt());
+        let [low, high] = material.youngs_modulus_range_pa.map(|pa| bar_speed_m_s(pipe, pa));
         let yields = |pipe: &Pipe| pipe.length_m / pipe.wave_speed_start(site.water).0.powi(2);
         let whole_mm_per_m = 1e3 * GRAVITY_M_S2 * site.rig.way_pipes().map(yields).sum::<f64>();
         // No pipe's ratio goes beyond a half.
@@ -101,7 +101,7 @@ impl Effect for FluidStructure {
                 "stress_wave_speed_m_s",
                 "m/s",
                 "speed of stress waves along a bar of that wall's material",
-                bar_speed_m_s(pipe),
+                bar_speed_m_s(pipe, material.youngs_modulus_pa),
                 low,
                 high,
             ),
@@ -124,14 +124,15 @@ impl Effect for FluidStructure {
     }
 }
 
-/// Speed of stress waves along a bar of a pipe's material, by its typical modulus.
-fn bar_speed_m_s(pipe: &Pipe) -> f64 {
-    (pipe.material().youngs_modulus_pa / pipe.material().density_kg_m3).sqrt()
+/// Speed of stress waves along a bar of a pipe's material, where its modulus is this.
+fn bar_speed_m_s(pipe: &Pipe, modulus_pa: f64) -> f64 {
+    (modulus_pa / pipe.material().density_kg_m3).sqrt()
 }
 
 /// Speed of stress waves in a pipe where that in the one at the valve is `at_valve_m_s`.
 fn stress_speed_m_s(rig: &Rig, pipe: &Pipe, at_valve_m_s: f64) -> f64 {
-    at_valve_m_s * (bar_speed_m_s(pipe) / bar_speed_m_s(rig.pipe_at_valve()))
+    let typical_m_s = |pipe: &Pipe| bar_speed_m_s(pipe, pipe.material().youngs_modulus_pa);
+    at_valve_m_s * (typical_m_s(pipe) / typical_m_s(rig.pipe_at_valve()))
 }
 
 /// Section of water as heavy as a pipe full of it, m².
@@ -210,7 +211,7 @@ impl Effect for DryFriction {
         true
     }
     fn least_steps(&self, values: &[f64], rig: &Rig, pipe: &Pipe, wave_speed_m_s: f64) -> f64 {
-        LEAST_STEPS * stress_speed_m_s(rig, pipe, values[1]) / wave_speed_m_s
+        FluidStructure.least_steps(values, rig, pipe, wave_speed_m_s)
     }
     fn parameters(&self, site: &Site, elements: usize) -> Vec<Parameter> {
         let mut parameters = FluidStructure.parameters(site, elements);

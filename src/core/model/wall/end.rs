@@ -96,7 +96,7 @@ impl WallEnd {
     /// The characteristic that reaches the node in true heads and in flows through the moving end, from that of the
     /// pressure waves.
     pub(crate) fn meets(&mut self, reached: Arriving) -> Arriving {
-        let Modes { alpha, beta, density_ratio: r, area_m2, .. } = self.modes;
+        let Modes { alpha, beta, .. } = self.modes;
         let w = self.modes.per_stress();
         // force [Σ - push (h + βΣ) - α h + f] + travel [x/(θ dt) + u] = 0, u = α r q/A - w (2 s - Σ).
         let (force, travel, friction_m) = match self.slides {
@@ -110,27 +110,27 @@ impl WallEnd {
         let sum = force * (1.0 - self.push * beta) + travel * w;
         let c0 = (travel * (2.0 * w * self.mouth.arriving_m - by_last) - force * friction_m) / sum;
         let by_h = force * (self.push + alpha) / sum;
-        let by_q = -travel * alpha * r / (area_m2 * sum);
+        let by_q = -travel * self.modes.per_flow() / sum;
         self.z = reached.z;
         self.epsilon_m = reached.e - self.steady_m - reached.z * self.steady_m3_s;
         self.s0 = c0 + by_h * self.epsilon_m;
         self.s1 = by_q - by_h * self.z;
         let g = self.modes.flow_per_stress();
-        let z = (self.z - beta * self.s1) / (1.0 - alpha * r - g * self.s1);
+        let z = (self.z - beta * self.s1) / (self.modes.through() - g * self.s1);
         let known_m3_s = self.steady_m3_s + g * (2.0 * self.mouth.arriving_m - self.s0);
         Arriving { z, e: self.steady_m + self.epsilon_m + beta * self.s0 + z * known_m3_s }
     }
 
     /// Head and flow of the pressure waves where the node has this true flow; advances the end.
     pub(crate) fn leaves(&mut self, out_m3_s: f64) -> (f64, f64) {
-        let Modes { alpha, beta, density_ratio: r, area_m2, .. } = self.modes;
+        let Modes { alpha, beta, .. } = self.modes;
         let g = self.modes.flow_per_stress();
         let through = out_m3_s - self.steady_m3_s - g * (2.0 * self.mouth.arriving_m - self.s0);
-        let q = through / (1.0 - alpha * r - g * self.s1);
+        let q = through / (self.modes.through() - g * self.s1);
         let h = self.epsilon_m - self.z * q;
         let sum_m = self.s0 + self.s1 * q;
         self.mouth.leaving_m = sum_m - self.mouth.arriving_m;
-        let rate = alpha * r * q / area_m2 - self.modes.per_stress() * (2.0 * self.mouth.arriving_m - sum_m);
+        let rate = self.modes.per_flow() * q - self.modes.per_stress() * (2.0 * self.mouth.arriving_m - sum_m);
         match self.slides {
             Some(direction) => {
                 self.travel_m += self.dt_s * ((1.0 - self.theta) * self.rate_m_s + self.theta * rate);

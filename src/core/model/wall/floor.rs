@@ -72,13 +72,13 @@ impl Floor {
             let [(from_m, first, from_m3_s), (to_m, second, to_m3_s)] = [inner[behind - 1], inner[behind]];
             let part = ((x_m - from_m) / (to_m - from_m)).clamp(0.0, 1.0);
             let Segment { impedance, .. } = grid.segments[grid.stencil(x_m).segment];
-            let by_u = modes.alpha * modes.density_ratio / (impedance * modes.area_m2);
+            let by_u = modes.per_flow() / impedance;
             Rubbed {
                 x_m,
                 most_m: modes.thrust * wall.floor_m * (to_end_m + to_start_m) / wall.length_m / twice,
                 nodes: [(first, 1.0 - part), (second, part)],
                 by_u,
-                steady_m_s: by_u * impedance * ((1.0 - part) * from_m3_s + part * to_m3_s),
+                steady_m_s: modes.per_flow() * ((1.0 - part) * from_m3_s + part * to_m3_s),
                 by_sent: modes.per_stress() + by_u * modes.beta * (part * part + (1.0 - part) * (1.0 - part)),
             }
         };
