@@ -132,7 +132,6 @@ pub(crate) fn together(
         common: &joint.gain_errors(),
         at_bound: &solution.at_bound,
         in_time: None,
-        elsewhere: None,
     })
     .and(&left);
     let errors: Vec<f64> = (0..columns.len()).map(|j| widening * errors.of_variable(j)).collect();

@@ -10,11 +10,11 @@ use std::ops::Range;
 
 use nalgebra::DMatrix;
 
-use crate::fit::inference::noise_autocorrelation::{Together, score_covariance};
+use crate::fit::inference::noise_autocorrelation::score_covariances;
 use crate::fit::inference::thresholds::DECAYED_NOISE_SHARE;
 use crate::fit::numeric::uncertainty::{Normal, determined_inverse};
 use crate::fit::problem::rows::CommonError;
-use crate::product::dot;
+use crate::product::{dot, gram};
 
 /// A linearised fit.
 #[derive(Debug, Clone, Copy)]
@@ -25,8 +25,6 @@ pub struct Linearised<'a> {
     pub residuals: &'a [f64],
     /// Records, each an instrument's samples one after the other, grouped by what was sampled together.
     pub records: &'a [Vec<Range<usize>>],
-    /// Noise of the records' samples where another series than the residuals shows it, one for each.
-    pub elsewhere: Option<&'a [Vec<Vec<f64>>]>,
     /// Errors of instruments that all their samples share.
     pub common: &'a [CommonError],
     /// Variables that are held at a bound.
@@ -47,17 +45,67 @@ pub struct InTime<'a> {
     pub records: &'a [Vec<Range<usize>>],
 }
 
-impl<'a> Linearised<'a> {
+/// A series of noise for each record of each group, at the rate of its samples.
+pub type Noise = [Vec<Vec<f64>>];
+
+/// What the errors of any of the variables follow from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Moments {
+    /// `JᵀJ`.
+    normal: DMatrix<f64>,
+    /// Covariance of `Jᵀr` from noise and priors.
+    scores: DMatrix<f64>,
+    /// What one standard deviation of each common error adds to `Jᵀr`.
+    common: Vec<Vec<f64>>,
+}
+
+impl Linearised<'_> {
+    /// Its moments where the residuals show the noise, or another series does.
+    pub fn moments(&self, noise: Option<&Noise>) -> Moments {
+        let [moments] = self.moments_of([noise]);
+        moments
+    }
+
+    /// The same for several noises at once: most of the work is the columns' alone.
+    pub fn moments_of<const N: usize>(&self, noises: [Option<&Noise>; N]) -> [Moments; N] {
+        let (columns, residuals, records) = match self.in_time {
+            None => (self.columns, self.residuals, self.records),
+            Some(time) => (time.columns, time.residuals, time.records),
+        };
+        let own = |group: &Vec<Range<usize>>| group.iter().map(|rows| &residuals[rows.clone()]).collect();
+        let series = noises.map(|noise| match noise {
+            None => records.iter().map(own).collect::<Vec<Vec<&[f64]>>>(),
+            Some(noise) => noise.iter().map(|group| group.iter().map(|series| &series[..]).collect()).collect(),
+        });
+        let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
+        let mut by_noise = score_covariances(&columns, records, &series).into_iter();
+        let n = self.columns.len();
+        let samples = self.records.iter().flatten().map(|r| r.end).max().unwrap_or(0);
+        let others: Vec<&[f64]> = self.columns.iter().map(|c| &c[samples..]).collect();
+        let others = gram(&others);
+        let moved = |c: &Vec<f64>, common: &CommonError| {
+            common.iter().map(|(first, by)| dot(&c[*first..first + by.len()], by)).sum::<f64>()
+        };
+        let common: Vec<Vec<f64>> =
+            self.common.iter().map(|common| self.columns.iter().map(|c| moved(c, common)).collect()).collect();
+        let normal = gram(self.columns);
+        noises.map(|_| Moments {
+            normal: normal.clone(),
+            scores: by_noise.next().unwrap_or_else(|| DMatrix::zeros(n, n)) + &others,
+            common: common.clone(),
+        })
+    }
+
     /// Whether the noise from `before` the closure has died away in the residuals, for each group of records. While the
     /// valve closed it was still there, and limits what only the closure shows.
-    pub(crate) fn decayed(&self, before: &[Vec<Vec<f64>>]) -> Vec<bool> {
+    pub(crate) fn decayed(&self, before: &Noise) -> Vec<bool> {
         let left = self.left().into_iter().zip(before);
         left.map(|(left, before)| mean_square(&left) < DECAYED_NOISE_SHARE * mean_square(before)).collect()
     }
 
     /// The noise that counts in each group of records: that of `before` where it has `decayed`, the residuals
     /// elsewhere.
-    pub(crate) fn noise_that_counts(&self, before: &[Vec<Vec<f64>>], decayed: &[bool]) -> Vec<Vec<Vec<f64>>> {
+    pub(crate) fn noise_that_counts(&self, before: &Noise, decayed: &[bool]) -> Vec<Vec<Vec<f64>>> {
         let groups = self.left().into_iter().zip(before).zip(decayed);
         groups.map(|((left, before), decayed)| if *decayed { before.clone() } else { left }).collect()
     }
@@ -70,17 +118,6 @@ impl<'a> Linearised<'a> {
         };
         let of = |group: &Vec<Range<usize>>| group.iter().map(|rows| residuals[rows.clone()].to_vec()).collect();
         records.iter().map(of).collect()
-    }
-
-    /// Records among `residuals` with their noise: the residuals themselves, or the series that shows it.
-    fn noisy(&self, residuals: &'a [f64], records: &[Vec<Range<usize>>]) -> Vec<Together<'a>> {
-        let noise = |group: usize, of: usize, rows: &Range<usize>| {
-            self.elsewhere.map_or(&residuals[rows.clone()], |all| &all[group][of][..])
-        };
-        let group = |(g, rows): (usize, &Vec<Range<usize>>)| {
-            rows.iter().enumerate().map(|(i, rows)| (rows.clone(), noise(g, i, rows))).collect()
-        };
-        records.iter().enumerate().map(group).collect()
     }
 }
 
@@ -106,25 +143,17 @@ pub struct Errors {
 }
 
 impl Errors {
-    /// Of a linearised fit.
+    /// Of a linearised fit whose residuals show its noise.
     pub fn of(fit: Linearised) -> Self {
-        let all = fit.columns.len();
-        let Normal { free, scale, matrix } = Normal::of(fit.columns, fit.at_bound);
-        let columns: Vec<&[f64]> = free.iter().map(|&j| fit.columns[j].as_slice()).collect();
+        Self::among(&fit.moments(None), fit.at_bound)
+    }
+
+    /// Of the variables that are not at a bound.
+    pub fn among(moments: &Moments, at_bound: &[bool]) -> Self {
+        let all = at_bound.len();
+        let Normal { free, scale, matrix } = Normal::among(&moments.normal, at_bound);
         let (inverse, open) = determined_inverse(matrix);
-        let samples = fit.records.iter().flatten().map(|r| r.end).max().unwrap_or(0);
-        let mut scores = match fit.in_time {
-            None => score_covariance(&columns, &fit.noisy(fit.residuals, fit.records)),
-            Some(time) => {
-                let columns: Vec<&[f64]> = free.iter().map(|&j| time.columns[j].as_slice()).collect();
-                score_covariance(&columns, &fit.noisy(time.residuals, time.records))
-            }
-        };
-        for (a, x) in columns.iter().enumerate() {
-            for (b, y) in columns.iter().enumerate() {
-                scores[(a, b)] += dot(&x[samples..], &y[samples..]);
-            }
-        }
+        let mut scores = DMatrix::from_fn(free.len(), free.len(), |a, b| moments.scores[(free[a], free[b])]);
         let sandwich = |scores: &DMatrix<f64>| {
             let scaled = DMatrix::from_fn(free.len(), free.len(), |a, b| scores[(a, b)] / (scale[a] * scale[b]));
             &inverse * scaled * &inverse
@@ -143,11 +172,8 @@ impl Errors {
         let taken = (0..free.len()).flat_map(|a| (0..free.len()).map(move |b| (a, b)));
         let taken = taken.map(|(a, b)| inverse[(a, b)] * scores[(b, a)] / (scale[a] * scale[b])).sum();
         let by_noise = spread(&sandwich(&scores), 0.0);
-        for common in fit.common {
-            let moved =
-                |c: &&[f64]| common.iter().map(|(first, by)| dot(&c[*first..first + by.len()], by)).sum::<f64>();
-            let by: Vec<f64> = columns.iter().map(moved).collect();
-            scores += DMatrix::from_fn(by.len(), by.len(), |a, b| by[a] * by[b]);
+        for by in &moments.common {
+            scores += DMatrix::from_fn(free.len(), free.len(), |a, b| by[free[a]] * by[free[b]]);
         }
         let (covariance, believed) = (spread(&sandwich(&scores), f64::INFINITY), spread(&inverse, f64::INFINITY));
         Errors { covariance, believed, by_noise, taken }
@@ -195,15 +221,7 @@ mod tests {
         at_bound: &[bool],
     ) -> Errors {
         let record = 0..samples;
-        Errors::of(Linearised {
-            columns,
-            residuals,
-            records: &[vec![record]],
-            elsewhere: None,
-            common,
-            at_bound,
-            in_time: None,
-        })
+        Errors::of(Linearised { columns, residuals, records: &[vec![record]], common, at_bound, in_time: None })
     }
 
     /// y = m + e, σ = 1, n = 400: 1/20; with a gauge that is off by 0.3 in all samples, √(1/400 + 0.09).
@@ -253,7 +271,6 @@ mod tests {
                 columns: &ones,
                 residuals: &residuals,
                 records: &[vec![first], vec![second]],
-                elsewhere: None,
                 common: &[],
                 at_bound: &[false],
                 in_time: None,

@@ -1,20 +1,26 @@
 //! 95% intervals from standard errors: symmetric in the variable that the fit moves (mostly a logarithm), open where a
 //! bound cuts them off.
 
-use crate::fit::inference::errors::{Errors, Linearised};
+use crate::fit::inference::errors::{Errors, Linearised, Moments};
 use crate::fit::numeric::quantiles::Z_95;
 use crate::fit::problem::fit_problem::FitProblem;
 
 /// The linear interval of variable `j`, in the parameter's unit; an open end is infinite. A variable at a bound has the
 /// rise of the sum of squares away from it: `d²/σ² + 2 g d`, `g` the slope that presses it against the bound.
-pub(crate) fn linear(problem: &FitProblem, fit: Linearised, errors: &Errors, x: &[f64], j: usize) -> (f64, f64) {
+pub(crate) fn linear(
+    problem: &FitProblem,
+    (fit, moments): (Linearised, &Moments),
+    errors: &Errors,
+    x: &[f64],
+    j: usize,
+) -> (f64, f64) {
     use crate::fit::numeric::least_squares::Problem;
     let (lower, upper) = problem.bounds();
     if lower[j] >= upper[j] {
         let value = problem.value(j, x[j]);
         return (value, value);
     }
-    let half = if fit.at_bound[j] { away_from_bound(fit, j) } else { [Z_95 * errors.of_variable(j); 2] };
+    let half = if fit.at_bound[j] { away_from_bound(fit, moments, j) } else { [Z_95 * errors.of_variable(j); 2] };
     let (low, high) = (x[j] - half[0], x[j] + half[1]);
     // An unknown end is open, and so is one at or beyond a bound.
     let low = if low > lower[j] { problem.value(j, low) } else { f64::NEG_INFINITY };
@@ -23,10 +29,10 @@ pub(crate) fn linear(problem: &FitProblem, fit: Linearised, errors: &Errors, x: 
 }
 
 /// How far a variable at a bound may go down and up: into the box as far as the threshold, out of it without an end.
-fn away_from_bound(fit: Linearised, j: usize) -> [f64; 2] {
+fn away_from_bound(fit: Linearised, moments: &Moments, j: usize) -> [f64; 2] {
     let mut freed = fit.at_bound.to_vec();
     freed[j] = false;
-    let errors = Errors::of(Linearised { at_bound: &freed, ..fit });
+    let errors = Errors::among(moments, &freed);
     let variance = errors.believed[(j, j)];
     let slope: f64 = fit.columns[j].iter().zip(fit.residuals).map(|(c, r)| c * r).sum();
     let threshold = Z_95 * Z_95 * errors.inflation(j);
@@ -66,12 +72,11 @@ mod tests {
             columns: &columns,
             residuals: &residuals,
             records: &[vec![record]],
-            elsewhere: None,
             common: &[],
             at_bound: &[false, true],
             in_time: None,
         };
-        let [down, up] = away_from_bound(fit, 1);
+        let [down, up] = away_from_bound(fit, &fit.moments(None), 1);
         assert!(down == f64::INFINITY && up > 0.0 && up < 0.1, "{down} {up}");
     }
 }

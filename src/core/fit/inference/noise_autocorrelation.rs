@@ -18,66 +18,84 @@ use std::ops::Range;
 
 use nalgebra::DMatrix;
 use rayon::prelude::*;
-use realfft::num_complex::Complex;
 use realfft::{RealFftPlanner, RealToComplex};
 
-/// Records that were sampled together, equally many samples each: the range of each one's samples among the residuals,
-/// and its noise, from there or elsewhere at the same rate.
-pub type Together<'a> = Vec<(Range<usize>, &'a [f64])>;
+use crate::product::dot;
 
-/// `Jᵀ R J` over records, each the samples of one instrument in their order. Noise is in units of its believed size: a
-/// lower spectrum counts as 1.
-pub fn score_covariance(columns: &[&[f64]], records: &[Together]) -> DMatrix<f64> {
+/// `Jᵀ R J` over records, each the samples of one instrument in their order, for each of several `noises`. A group of
+/// `records` was sampled together, equally many samples each; `noises` hold a series for each record, at the same rate,
+/// in units of its believed size: a lower spectrum counts as 1.
+pub fn score_covariances(
+    columns: &[&[f64]],
+    records: &[Vec<Range<usize>>],
+    noises: &[Vec<Vec<&[f64]>>],
+) -> Vec<DMatrix<f64>> {
     let p = columns.len();
-    let of = |records: &Together| {
-        let longest = records.iter().map(|(rows, noise)| rows.len().max(noise.len())).max().unwrap_or(0);
-        let transform = Transform::of(longest);
-        let noise: Vec<&[f64]> = records.iter().map(|(_, noise)| *noise).collect();
-        let density = transform.density(&noise);
-        let spectra: Vec<Vec<Vec<Complex<f64>>>> = columns
+    let mut totals = vec![DMatrix::zeros(p, p); noises.len()];
+    for (g, rows) in records.iter().enumerate().filter(|(_, rows)| rows.iter().all(|rows| rows.len() > 1)) {
+        let series = noises.iter().flat_map(|noise| &noise[g]).map(|noise| noise.len());
+        let transform = Transform::of(rows.iter().map(Range::len).chain(series).max().unwrap_or(0));
+        let spectra: Vec<Vec<Spectrum>> = columns
             .par_iter()
-            .map(|column| records.iter().map(|(rows, _)| transform.spectrum(&column[rows.clone()])).collect())
+            .map(|column| rows.iter().map(|rows| transform.spectrum(&column[rows.clone()])).collect())
             .collect();
-        let rows: Vec<Vec<f64>> = (0..p)
-            .into_par_iter()
-            .map(|i| {
-                let met = density.times(&spectra[i]);
-                let with = |j: usize| met.iter().zip(&spectra[j]).map(|(a, b)| real_product(a, b)).sum();
-                (0..=i).map(with).collect()
-            })
-            .collect();
-        DMatrix::from_fn(p, p, |i, j| rows[i.max(j)][i.min(j)])
-    };
-    let long = |records: &&Together| records.iter().all(|(rows, noise)| rows.len() > 1 && noise.len() > 1);
-    records.iter().filter(long).fold(DMatrix::zeros(p, p), |total, records| total + of(records))
+        let long = |(_, noise): &(_, &Vec<Vec<&[f64]>>)| noise[g].iter().all(|noise| noise.len() > 1);
+        for (total, noise) in totals.iter_mut().zip(noises).filter(long) {
+            let density = transform.density(&noise[g]);
+            let products: Vec<Vec<f64>> = (0..p)
+                .into_par_iter()
+                .map(|i| {
+                    let met = density.times(&spectra[i]);
+                    let with = |j: usize| met.iter().zip(&spectra[j]).map(|(a, b)| a.product(b)).sum();
+                    (0..=i).map(with).collect()
+                })
+                .collect();
+            *total += DMatrix::from_fn(p, p, |i, j| products[i.max(j)][i.min(j)]);
+        }
+    }
+    totals
 }
 
-/// Real part of `Σ āb`; a spectrum without any frequency is zero.
-fn real_product(a: &[Complex<f64>], b: &[Complex<f64>]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a.re * b.re + a.im * b.im).sum()
+/// A spectrum's real and imaginary parts; without any frequency it is zero.
+#[derive(Clone, Default)]
+struct Spectrum {
+    re: Vec<f64>,
+    im: Vec<f64>,
+}
+
+impl Spectrum {
+    /// Real part of `Σ āb`.
+    fn product(&self, b: &Spectrum) -> f64 {
+        let n = self.re.len().min(b.re.len());
+        dot(&self.re[..n], &b.re[..n]) + dot(&self.im[..n], &b.im[..n])
+    }
+
+    /// Adds the product of two others; of the first one's conjugate where `sign` is -1.
+    fn add(&mut self, a: &Spectrum, sign: f64, b: &Spectrum) {
+        self.re.resize(b.re.len(), 0.0);
+        self.im.resize(b.im.len(), 0.0);
+        let parts = self.re.iter_mut().zip(&mut self.im).zip(a.re.iter().zip(&a.im)).zip(b.re.iter().zip(&b.im));
+        for (((re, im), (a_re, a_im)), (b_re, b_im)) in parts {
+            *re += a_re * b_re - sign * a_im * b_im;
+            *im += a_re * b_im + sign * a_im * b_re;
+        }
+    }
 }
 
 /// Spectral density of the noise of several instruments.
 struct Density {
     /// The cross-spectrum of instruments `a` and `b ≤ a`, weighted so that a sum over its frequencies is one over all.
-    cross: Vec<Vec<Vec<Complex<f64>>>>,
+    cross: Vec<Vec<Spectrum>>,
 }
 
 impl Density {
     /// Its product with a column's spectra, one for each instrument.
-    fn times(&self, spectra: &[Vec<Complex<f64>>]) -> Vec<Vec<Complex<f64>>> {
+    fn times(&self, spectra: &[Spectrum]) -> Vec<Spectrum> {
         let row = |a: usize| {
-            let mut sum: Vec<Complex<f64>> = Vec::new();
-            for (b, spectrum) in spectra.iter().enumerate().filter(|(_, s)| !s.is_empty()) {
-                sum.resize(spectrum.len(), Complex::default());
-                let both = &self.cross[a.max(b)][a.min(b)];
-                let terms = sum.iter_mut().zip(both).zip(spectrum);
+            let mut sum = Spectrum::default();
+            for (b, spectrum) in spectra.iter().enumerate().filter(|(_, s)| !s.re.is_empty()) {
                 // That of b and a is the conjugate of that of a and b.
-                if b <= a {
-                    terms.for_each(|((sum, s), x)| *sum += s * x);
-                } else {
-                    terms.for_each(|((sum, s), x)| *sum += s.conj() * x);
-                }
+                sum.add(&self.cross[a.max(b)][a.min(b)], if b <= a { 1.0 } else { -1.0 }, spectrum);
             }
             sum
         };
@@ -93,35 +111,36 @@ struct Transform {
 
 impl Transform {
     fn of(samples: usize) -> Self {
-        let padded = (2 * samples).next_power_of_two();
+        let padded = 2 * quick_length(samples);
         Transform { padded, plan: RealFftPlanner::new().plan_fft_forward(padded) }
     }
 
-    /// Empty for a series of zeros.
-    fn spectrum(&self, series: &[f64]) -> Vec<Complex<f64>> {
+    /// Zero for a series of zeros.
+    fn spectrum(&self, series: &[f64]) -> Spectrum {
         if series.iter().all(|v| *v == 0.0) {
-            return Vec::new();
+            return Spectrum::default();
         }
         let mut input = series.to_vec();
         input.resize(self.padded, 0.0);
         let mut out = self.plan.make_output_vec();
         // Fails on wrong lengths only, and both are the plan's own.
         let _ = self.plan.process(&mut input, &mut out);
-        out
+        let (re, im) = out.into_iter().map(|v| (v.re, v.im)).unzip();
+        Spectrum { re, im }
     }
 
     /// The density of series of noise; each instrument's own is not below 1.
     fn density(&self, noise: &[&[f64]]) -> Density {
         let samples = noise.iter().map(|n| n.len()).min().unwrap_or(1).max(1);
         let last = self.padded / 2;
-        let none = vec![Complex::default(); last + 1];
-        let spectrum = |n: &&[f64]| Some(self.spectrum(&n[..samples])).filter(|s| !s.is_empty());
-        let spectra: Vec<Vec<Complex<f64>>> =
-            noise.iter().map(|n| spectrum(n).unwrap_or_else(|| none.clone())).collect();
+        let none = || Spectrum { re: vec![0.0; last + 1], im: vec![0.0; last + 1] };
+        let spectrum = |n: &&[f64]| Some(self.spectrum(&n[..samples])).filter(|s| !s.re.is_empty());
+        let spectra: Vec<Spectrum> = noise.iter().map(|n| spectrum(n).unwrap_or_else(none)).collect();
         let oversampled = self.padded as f64 / samples as f64;
         let least = MIN_SMOOTHING_NEIGHBOURS * oversampled;
-        let broad = |s: &Vec<Complex<f64>>| {
-            let periodogram: Vec<f64> = s.iter().map(|v| v.norm_sqr() / samples as f64).collect();
+        let broad = |s: &Spectrum| {
+            let square = |(re, im): (&f64, &f64)| (re * re + im * im) / samples as f64;
+            let periodogram: Vec<f64> = s.re.iter().zip(&s.im).map(square).collect();
             crate::fit::inference::noise_autocorrelation::shape::shape(&periodogram, oversampled)
                 .into_iter()
                 .map(f64::sqrt)
@@ -130,18 +149,37 @@ impl Transform {
         let broad: Vec<Vec<f64>> = spectra.par_iter().map(broad).collect();
         // A frequency between the ends stands for its negative too.
         let weight = |k: usize| if k == 0 || k == last { 1.0 } else { 2.0 } / self.padded as f64;
-        let one = |(a, b): (usize, usize)| -> Vec<Complex<f64>> {
-            let flat = (0..=last).map(|k| 1.0 / (samples as f64 * broad[a][k] * broad[b][k]));
-            let product = flat.zip(spectra[a].iter().zip(&spectra[b])).map(|(flat, (a, b))| a * b.conj() * flat);
-            let (re, im): (Vec<f64>, Vec<f64>) = product.map(|v| (v.re, v.im)).unzip();
-            let (re, im) = (averaged(&re, least, 1.0), averaged(&im, least, -1.0));
-            let whole = (0..=last).map(|k| Complex::new(re[k], im[k]) * (broad[a][k] * broad[b][k]));
-            // No instrument errs less than it is believed to.
-            let whole = whole.map(|s| if a == b { Complex::from(s.re.max(1.0)) } else { s });
-            whole.enumerate().map(|(k, s)| s * weight(k)).collect()
+        let one = |(a, b): (usize, usize)| {
+            let mut product = Spectrum::default();
+            product.add(&spectra[b], -1.0, &spectra[a]);
+            let whole = |mut part: Vec<f64>, sign: f64| -> Vec<f64> {
+                let size = |k: usize| broad[a][k] * broad[b][k];
+                (0..=last).for_each(|k| part[k] /= samples as f64 * size(k));
+                averaged(&part, least, sign).into_iter().enumerate().map(|(k, v)| v * size(k)).collect()
+            };
+            let mut whole = match a == b {
+                // No instrument errs less than it is believed to.
+                true => Spectrum {
+                    re: whole(product.re, 1.0).into_iter().map(|s| s.max(1.0)).collect(),
+                    im: vec![0.0; last + 1],
+                },
+                false => Spectrum { re: whole(product.re, 1.0), im: whole(product.im, -1.0) },
+            };
+            for part in [&mut whole.re, &mut whole.im] {
+                part.iter_mut().enumerate().for_each(|(k, s)| *s *= weight(k));
+            }
+            whole
         };
         Density { cross: (0..noise.len()).map(|a| (0..=a).map(|b| one((a, b))).collect()).collect() }
     }
+}
+
+/// The least length from so many samples on that has no prime factor above 5: a transform of it is quick.
+fn quick_length(samples: usize) -> usize {
+    let odd = (0..).map(|k| 5usize.pow(k)).take_while(|five| *five <= 2 * samples.max(1));
+    let odd =
+        odd.flat_map(|five| (0..).map(move |k| five * 3usize.pow(k)).take_while(move |odd| *odd <= 2 * samples.max(1)));
+    odd.map(|odd| odd * samples.div_ceil(odd).next_power_of_two()).min().unwrap_or(1)
 }
 
 /// Each value averaged over its neighbours, those beyond either end mirrored and times `sign`.
@@ -169,6 +207,38 @@ fn averaged(values: &[f64], least: f64, sign: f64) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Of records that were sampled together, each with its noise.
+    fn score_covariance(columns: &[&[f64]], records: &[Vec<(Range<usize>, &[f64])>]) -> DMatrix<f64> {
+        let rows: Vec<Vec<_>> =
+            records.iter().map(|group| group.iter().map(|(rows, _)| rows.clone()).collect()).collect();
+        let noise = records.iter().map(|group| group.iter().map(|(_, noise)| *noise).collect()).collect();
+        score_covariances(columns, &rows, &[noise]).remove(0)
+    }
+
+    #[test]
+    fn quick_lengths_are_the_least() {
+        let is_quick = |n: &usize| {
+            [2, 3, 5].iter().fold(*n, |n, p| (0..40).fold(n, |n, _| if n % p == 0 { n / p } else { n })) == 1
+        };
+        for samples in (1..3000).chain([65_537, 99_991]) {
+            assert_eq!(quick_length(samples), (samples..).find(is_quick).unwrap(), "{samples}");
+        }
+    }
+
+    /// Several noises at once are each as if it were alone, whatever the others' lengths.
+    #[test]
+    fn noises_do_not_disturb_each_other() {
+        let (n, long) = (500, 900);
+        let column: Vec<f64> = (0..n).map(|i| (i as f64 / 40.0).sin()).collect();
+        let (own, before) = (first_order(n, 0.5, 1), first_order(long, 0.9, 2));
+        let rows = 0..n;
+        let both = score_covariances(&[&column], &[vec![rows]], &[vec![vec![&own[..]]], vec![vec![&before[..]]]]);
+        for (together, noise) in both.iter().zip([&own, &before]) {
+            let alone = score_covariance(&[&column], &[vec![(0..n, &noise[..])]])[(0, 0)];
+            assert!((together[(0, 0)] / alone - 1.0).abs() < 0.05, "{} {alone}", together[(0, 0)]);
+        }
+    }
 
     /// First-order noise `e = φ e⁻ + w` of variance 1/(1 - φ²).
     fn first_order(n: usize, phi: f64, seed: u64) -> Vec<f64> {

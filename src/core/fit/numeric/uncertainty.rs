@@ -34,11 +34,16 @@ pub(crate) struct Normal {
 
 impl Normal {
     pub fn of(columns: &[Vec<f64>], at_bound: &[bool]) -> Self {
-        let free: Vec<usize> = (0..columns.len()).filter(|&j| !at_bound[j]).collect();
-        let products = gram(&free.iter().map(|&j| &columns[j]).collect::<Vec<_>>());
-        let scale: Vec<f64> =
-            products.diagonal().iter().map(|s| Some(s.sqrt()).filter(|n| *n > 0.0).unwrap_or(1.0)).collect();
-        let matrix = DMatrix::from_fn(free.len(), free.len(), |a, b| products[(a, b)] / scale[a] / scale[b]);
+        Self::among(&gram(columns), at_bound)
+    }
+
+    /// Of the `products` of all columns.
+    pub fn among(products: &DMatrix<f64>, at_bound: &[bool]) -> Self {
+        let free: Vec<usize> = (0..products.nrows()).filter(|&j| !at_bound[j]).collect();
+        let norm = |&j: &usize| Some(products[(j, j)].sqrt()).filter(|n| *n > 0.0).unwrap_or(1.0);
+        let scale: Vec<f64> = free.iter().map(norm).collect();
+        let matrix =
+            DMatrix::from_fn(free.len(), free.len(), |a, b| products[(free[a], free[b])] / scale[a] / scale[b]);
         Normal { free, scale, matrix }
     }
 }

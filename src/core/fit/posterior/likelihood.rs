@@ -96,7 +96,6 @@ impl<'a> Likelihood<'a> {
             columns: &basis,
             residuals: &residuals,
             records: &records,
-            elsewhere: None,
             common: &common,
             at_bound: &vec![false; basis.len()],
             in_time: None,
@@ -105,7 +104,7 @@ impl<'a> Likelihood<'a> {
             let decayed = linearised.decayed(&before);
             decayed.contains(&true).then(|| linearised.noise_that_counts(&before, &decayed))
         });
-        let errors = Errors::of(Linearised { elsewhere: counts.as_deref(), ..linearised });
+        let errors = Errors::among(&linearised.moments(counts.as_deref()), linearised.at_bound);
         let inflation = errors.taken / basis.len() as f64;
         // As for errors, half of what the last halving of the grid's step changed.
         let change: Vec<f64> = residuals.iter().zip(&on_coarser).map(|(f, c)| 0.5 * (f - c)).collect();

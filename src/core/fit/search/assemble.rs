@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use std::ops::Range;
 use std::sync::atomic::Ordering;
 
-use crate::fit::inference::errors::{Errors, InTime, Linearised};
+use crate::fit::inference::errors::{Errors, InTime, Linearised, Moments};
 use crate::fit::inference::identify::unidentifiable;
 use crate::fit::inference::interval::linear;
 use crate::fit::inference::optimum::not_at_optimum;
@@ -168,13 +168,20 @@ fn known(
         common: &common,
         at_bound: fixed,
         in_time: sampled.as_ref().map(Sampled::in_time),
-        elsewhere: None,
     };
     let before = problem.rows.noise_before();
-    let of_before = before.as_ref().map(|noise| Errors::of(Linearised { elsewhere: Some(noise), ..linearised }));
     let decayed = before.as_ref().map_or(Vec::new(), |noise| linearised.decayed(noise));
-    let counts = before.filter(|_| decayed.contains(&true)).map(|noise| linearised.noise_that_counts(&noise, &decayed));
-    let errors = Errors::of(Linearised { elsewhere: counts.as_deref(), ..linearised });
+    let counts = before.as_ref().filter(|_| decayed.contains(&true));
+    let counts = counts.map(|noise| linearised.noise_that_counts(noise, &decayed));
+    let noises = [counts.as_deref(), before.as_deref()];
+    let (moments, of_before) = match before {
+        None => (linearised.moments(None), None),
+        Some(_) => {
+            let [moments, of_before] = linearised.moments_of(noises);
+            (moments, Some(Errors::among(&of_before, fixed)))
+        }
+    };
+    let errors = Errors::among(&moments, fixed);
     // The band takes the noise before the closure, so that what a model fails to explain shows outside it.
     let covariance = of_before.as_ref().unwrap_or(&errors).by_noise.clone();
     let errors = errors.and(&left);
@@ -184,7 +191,7 @@ fn known(
     };
     let of_value = |j: usize| {
         let uncertainty = Uncertainty::of(errors.of_variable(j) * problem.stretch(j, values[j]));
-        (uncertainty, linear(problem, linearised, &errors, &solution.x, j))
+        (uncertainty, linear(problem, (linearised, &moments), &errors, &solution.x, j))
     };
     let decayed_runs = problem.rows.runs_of_records().into_iter().zip(decayed);
     Ok(Known {
@@ -298,14 +305,14 @@ fn run_fit(
     })
 }
 
-/// Errors of a solution's variables.
-pub(crate) fn errors_of(
+/// What the errors of a solution's variables follow from.
+pub(crate) fn moments_of(
     problem: &FitProblem,
     solution: &Solution,
     columns: &[Vec<f64>],
     common: &[CommonError],
-) -> Errors {
+) -> Moments {
     let records = problem.rows.record_rows();
     let (residuals, at_bound) = (&solution.residuals, &solution.at_bound);
-    Errors::of(Linearised { columns, residuals, records: &records, common, at_bound, in_time: None, elsewhere: None })
+    Linearised { columns, residuals, records: &records, common, at_bound, in_time: None }.moments(None)
 }

@@ -1,12 +1,13 @@
 //! The end of a fit: the grid is refined until halving its step changes less than the noise does, then all samples
 //! enter.
 
+use crate::fit::inference::errors::Errors;
 use crate::fit::numeric::least_squares::{Limits, Problem, Solution};
 use crate::fit::numeric::uncertainty::gauss_newton_step;
 use crate::fit::outcome::fit::Fit;
 use crate::fit::problem::error::FitError;
 use crate::fit::problem::fit_problem::{FitProblem, Window};
-use crate::fit::search::assemble::{assemble, errors_of};
+use crate::fit::search::assemble::{assemble, moments_of};
 use crate::fit::search::calibrator::{Calibrator, Estimate};
 use crate::fit::search::descent::{polishing, slopes};
 use crate::fit::search::options::Effort;
@@ -74,7 +75,18 @@ pub(crate) fn finish(ctx: &Calibrator, model: &Model, state: Estimate) -> Result
 }
 
 /// Fits all samples on a grid of so many reaches, and puts the result together.
-pub(crate) fn descend(ctx: &Calibrator, model: &Model, mut values: Vec<f64>, reaches: usize) -> Result<Fit, FitError> {
+pub(crate) fn descend(ctx: &Calibrator, model: &Model, values: Vec<f64>, reaches: usize) -> Result<Fit, FitError> {
+    let (problem, solution) = last_descent(ctx, model, values, reaches)?;
+    assemble(ctx, &problem, &solution)
+}
+
+/// The fit of all samples on a grid of so many reaches.
+pub(crate) fn last_descent<'m>(
+    ctx: &'m Calibrator,
+    model: &'m Model<'m>,
+    mut values: Vec<f64>,
+    reaches: usize,
+) -> Result<(FitProblem<'m>, Solution), FitError> {
     // A parameter that is held or known beforehand keeps its name.
     if model.constraints.is_empty() && model.priors.is_empty() {
         model.put_in_order(&mut values);
@@ -83,7 +95,7 @@ pub(crate) fn descend(ctx: &Calibrator, model: &Model, mut values: Vec<f64>, rea
     let problem = if is_brief(ctx) { ctx.passing(model, whole) } else { ctx.problem(model, whole) };
     problem.validate_constraints(&model.constraints)?;
     let solution = polish(ctx, &problem, &values, polishing(&problem, patient(ctx, FINAL)))?;
-    assemble(ctx, &problem, &solution)
+    Ok((problem, solution))
 }
 
 /// The end of a search on the least grid of a final fit, without any further descent.
@@ -104,7 +116,7 @@ fn grid_pull(ctx: &Calibrator, problem: &FitProblem, solution: &Solution, fine: 
     let residuals = finer.residuals(&solution.x)?;
     let columns = slopes(ctx, problem, solution)?;
     ctx.count(1);
-    let errors = errors_of(problem, solution, &columns, &[]);
+    let errors = Errors::among(&moments_of(problem, solution, &columns, &[]), &solution.at_bound);
     let change: Vec<f64> = residuals.iter().zip(&solution.residuals).map(|(f, c)| f - c).collect();
     let shifts = gauss_newton_step(&columns, &change, &solution.at_bound);
     let n = problem.samples().max(1);

@@ -6,7 +6,8 @@ use crate::fit::outcome::fit::Fit;
 use crate::fit::problem::error::FitError;
 use crate::fit::problem::fit_problem::{FitProblem, Window};
 use crate::fit::problem::hum::without_hum;
-use crate::fit::search::calibrate::refine;
+use crate::fit::search::calibrator::Calibrator;
+use crate::fit::search::finish::last_descent;
 use crate::fit::search::options::{Effort, Options};
 use crate::fit::validate::thresholds::FITTED_SHARE;
 use crate::model::{Model, ModelError};
@@ -72,20 +73,19 @@ pub fn errors(problem: &FitProblem, r: usize, values: &[f64], after_s: f64) -> R
     Ok(tally.collect())
 }
 
-/// RMSE over the last part of the records of a model that was fitted to the first, m; infinite where there is no last
-/// part.
+/// RMSE over the last part of the records of a model that was fitted to the first, from where it stands and on its grid,
+/// m; infinite where there is no last part.
 ///
 /// # Errors
-/// As [`refine`].
+/// As [`refine`](crate::fit::search::calibrate::refine).
 pub fn held_out_m(rig: &Rig, runs: &[RunData], fit: &Fit, options: &Options) -> Result<f64, FitError> {
     let ends: Vec<f64> = runs.iter().map(end_of_first_part_s).collect();
     let first: Vec<RunData> = runs.iter().zip(&ends).map(|(run, &end)| until(run, end)).collect();
-    let options = Options { effort: Effort::Brief, most_reaches: fit.reaches, ..options.clone() };
-    let fitted = refine(rig, &first, &fit.effects, &fit.values(), &options, &|_| {})?;
-    let water = &runs.first().ok_or(FitError::NoRun)?.conditions.water;
-    let model = Model::new(rig, water, &fit.effects).constrained(&options.constraints).informed(&options.priors);
-    let problem = problem_of(&model, runs, fitted.reaches);
-    let values = fitted.values();
+    let options = Options { effort: Effort::Brief, ..options.clone() };
+    let ctx = Calibrator::new(rig, &first, &options, &|_| {}, &fit.effects, Some(&fit.values()))?;
+    let model = ctx.model(&fit.effects);
+    let (fitted, end) = last_descent(&ctx, &model, fit.values(), fit.reaches)?;
+    let (problem, values) = (problem_of(&model, runs, fit.reaches), fitted.values(&end.x));
     let mut all = Tally::default();
     for (r, &end) in ends.iter().enumerate() {
         all = errors(&problem, r, &values, end)?.into_iter().fold(all, Tally::with);

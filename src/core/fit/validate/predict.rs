@@ -165,15 +165,15 @@ pub fn predict(
     let still: Vec<bool> = problem.parameters.iter().map(|p| p.lower == p.upper).collect();
     // The window is too short to show the autocorrelation of its noise; the samples before it show it.
     let (records, before) = (problem.rows.record_rows(), problem.rows.noise_before());
-    let errors = Errors::of(Linearised {
+    let linearised = Linearised {
         columns: &columns,
         residuals: &own.residuals,
         records: &records,
-        elsewhere: before.as_deref(),
         common: &problem.rows.gain_errors().into_values().collect::<Vec<_>>(),
         at_bound: &still,
         in_time: None,
-    });
+    };
+    let errors = Errors::among(&linearised.moments(before.as_deref()), &still);
     let values = problem.values(&own.x);
     let shared = of_shared(&problem, known, &values);
     let follow = followed(&columns, &errors.believed, &still);

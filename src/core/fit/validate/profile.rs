@@ -15,7 +15,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use rayon::prelude::*;
 
 use crate::fit::data::run_data::RunData;
-use crate::fit::numeric::least_squares::{Limits, Problem, Solution, jacobian};
+use crate::fit::inference::errors::Errors;
+use crate::fit::numeric::least_squares::{Limits, Problem, jacobian};
 use crate::fit::numeric::quantiles::Z_95;
 use crate::fit::outcome::fit::Fit;
 use crate::fit::outcome::profile::Profile;
@@ -23,7 +24,7 @@ use crate::fit::problem::elements::vanished;
 use crate::fit::problem::error::FitError;
 use crate::fit::problem::fit_problem::FitProblem;
 use crate::fit::progress::{OnProgress, Progress};
-use crate::fit::search::assemble::errors_of;
+use crate::fit::search::assemble::moments_of;
 use crate::fit::search::calibrator::Calibrator;
 use crate::fit::search::options::Options;
 use crate::fit::search::thresholds::{FINAL, FINAL_REACHES};
@@ -84,17 +85,15 @@ pub fn profiles(
     let best = ctx.minimise(&problem, &values, limits(&problem), "profiles: the best fit")?;
     let columns = jacobian(&problem, &best.x, &best.residuals)?;
     ctx.count(1 + columns.len());
+    let common: Vec<_> = problem.rows.gain_errors().into_values().collect();
+    let moments = moments_of(&problem, &best, &columns, &common);
     let fitted = problem.variables(&values);
     let done = AtomicUsize::new(0);
     let one = |&j: &usize| {
         let parameter = &fit.parameters[j];
         // Held variables do not follow; one at its bound is let go.
-        let solution = Solution {
-            at_bound: best.at_bound.iter().enumerate().map(|(i, held)| *held && i != j).collect(),
-            ..best.clone()
-        };
-        let errors =
-            errors_of(&problem, &solution, &columns, &problem.rows.gain_errors().into_values().collect::<Vec<_>>());
+        let held: Vec<bool> = best.at_bound.iter().enumerate().map(|(i, held)| *held && i != j).collect();
+        let errors = Errors::among(&moments, &held);
         let believed = errors.believed[(j, j)];
         let error = parameter.standard_error() / problem.stretch(j, values[j]);
         let unit = if error.is_finite() { (error * error / believed).max(1.0) } else { errors.inflation(j) };
