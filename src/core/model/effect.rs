@@ -191,12 +191,9 @@ pub trait Effect: Sync {
         let _ = (values, scene, spot);
         None
     }
-    /// Whether it asks for a node at each joint of two pipes, where the grid else may have a reach over it.
-    fn joints_on_nodes(&self) -> bool {
-        false
-    }
     /// Fewest steps that a pressure wave must take through a pipe of the rig: more than one where it has faster waves,
-    /// which may not pass the pipe within a step.
+    /// which may not pass the pipe within a step. Each joint of two pipes then has a node, where the grid else may have a
+    /// reach over it.
     fn least_steps(&self, values: &[f64], rig: &Rig, pipe: &Pipe, wave_speed_m_s: f64) -> f64 {
         let _ = (values, rig, pipe, wave_speed_m_s);
         1.0

@@ -256,7 +256,8 @@ impl Model<'_> {
     ) -> Vec<Vec<Stretch>> {
         // If some pipes are of a material that creeps, only they do.
         let any_creeps = self.rig.pipes.iter().any(|p| p.material().viscoelastic);
-        let on_nodes = self.effects.iter().any(|c| c.effect.joints_on_nodes());
+        // What is faster than the liquid's wave needs a node at each joint.
+        let on_nodes = self.effects_reaches(shared) > 1;
         let stretch = |i: usize, flow_m3_s: f64| {
             let pipe = &self.rig.pipes[i];
             let given = conditions.regimes.as_ref().and_then(|regimes| regimes.get(i));

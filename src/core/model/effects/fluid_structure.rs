@@ -73,9 +73,6 @@ impl Effect for FluidStructure {
     fn impossible(&self, rig: &Rig) -> Option<&'static str> {
         (rig.graph.lines.len() > 1).then_some("it is written for pipes in series")
     }
-    fn joints_on_nodes(&self) -> bool {
-        true
-    }
     fn least_steps(&self, values: &[f64], rig: &Rig, pipe: &Pipe, wave_speed_m_s: f64) -> f64 {
         LEAST_STEPS * stress_speed_m_s(rig, pipe, values[1]) / wave_speed_m_s
     }
@@ -207,9 +204,6 @@ impl Effect for DryFriction {
     fn impossible(&self, rig: &Rig) -> Option<&'static str> {
         FluidStructure.impossible(rig)
     }
-    fn joints_on_nodes(&self) -> bool {
-        true
-    }
     fn least_steps(&self, values: &[f64], rig: &Rig, pipe: &Pipe, wave_speed_m_s: f64) -> f64 {
         FluidStructure.least_steps(values, rig, pipe, wave_speed_m_s)
     }
@@ -256,9 +250,6 @@ impl Effect for Floor {
     }
     fn impossible(&self, rig: &Rig) -> Option<&'static str> {
         FluidStructure.impossible(rig)
-    }
-    fn joints_on_nodes(&self) -> bool {
-        true
     }
     fn least_steps(&self, values: &[f64], rig: &Rig, pipe: &Pipe, wave_speed_m_s: f64) -> f64 {
         LEAST_STEPS_ON_FLOOR * stress_speed_m_s(rig, pipe, values[1]) / wave_speed_m_s
