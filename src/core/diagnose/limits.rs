@@ -37,14 +37,6 @@ pub(crate) const TELLING_HALF_CYCLES: usize = 8;
 
 /// Most elements with which an effect that has elements is tried. Cost.
 pub(crate) const MOST_ELEMENTS: usize = 3;
-/// Stopping rules while a form is screened: only the added parameters move. Cost, and tuned: data unknown.
-pub(crate) const SCREEN: Limits =
-    Limits { iterations: 10, cost_tolerance: 3e-3, step_tolerance: 1e-7, thorough: false };
-/// Stopping rules while a form is refined: all parameters move. Cost, and tuned: data unknown.
-pub(crate) const REFINE: Limits =
-    Limits { iterations: 25, cost_tolerance: 1e-3, step_tolerance: 1e-7, thorough: false };
-/// The same of each of a form's starts, before the best is refined. Cost, and tuned on the open sets.
-pub(crate) const TRY: Limits = Limits { iterations: 6, ..REFINE };
 /// Strengths at which an effect's signature is taken, as multiples of its usual start. Tuned: data unknown.
 pub(crate) const STRENGTHS: [f64; 5] = [1.0, 0.1, 0.3, 3.0, 10.0];
 /// Most places at which an effect is tried in all strengths; with more places, one strength has to do. Cost.

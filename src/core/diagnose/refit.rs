@@ -6,10 +6,10 @@
 
 use crate::diagnose::baseline::Baseline;
 use crate::diagnose::candidate::Form;
-use crate::diagnose::limits::{FEW_PLACES, FORECAST_RANGE, REFINE, SCREEN, STRENGTHS, TRY};
+use crate::diagnose::limits::{FEW_PLACES, FORECAST_RANGE, STRENGTHS};
 use crate::fit::numeric::least_squares::{Problem, Solution, have_met, minimise};
 use crate::fit::problem::fit_problem::FitProblem;
-use crate::fit::search::thresholds::{FOLLOWED, MAX_RELEASED, STEP_SHARES};
+use crate::fit::search::thresholds::{COARSE, FOLLOWED, MAX_RELEASED, SCREENING, STEP_SHARES};
 use crate::model::effects::Chosen;
 use crate::model::parameter::{Parameter, Scale};
 use crate::model::{Model, ModelError};
@@ -46,7 +46,7 @@ pub fn screen(baseline: &Baseline, form: &Form) -> Result<Refit, ModelError> {
     let mut failure = None;
     let mut screened: Vec<Solution> = Vec::new();
     for start in promising(baseline, &model, &problem, &form.chosen)?.iter().take(MAX_RELEASED) {
-        match minimise(&added, &problem.variables(&baseline.values_with(start))[added.range()], SCREEN, |_, _| {}) {
+        match minimise(&added, &problem.variables(&baseline.values_with(start))[added.range()], SCREENING, |_, _| {}) {
             Ok(solution) => screened.push(solution),
             Err(error) => failure = Some(error),
         }
@@ -54,7 +54,7 @@ pub fn screen(baseline: &Baseline, form: &Form) -> Result<Refit, ModelError> {
     screened.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     let Some(best) = screened.first() else { return Err(failure.unwrap_or_else(|| no_start(form))) };
     let mut all = Vec::new();
-    let met = |s: &&Solution| have_met(&best.residuals, &s.residuals, SCREEN.cost_tolerance * best.cost);
+    let met = |s: &&Solution| have_met(&best.residuals, &s.residuals, SCREENING.cost_tolerance * best.cost);
     for solution in std::iter::once(best).chain(screened[1..].iter().take(FOLLOWED - 1).filter(|s| !met(s))) {
         all.push(added.whole(&solution.x)?);
     }
@@ -166,13 +166,13 @@ pub fn refine(baseline: &Baseline, screened: &Refit) -> Result<Refit, ModelError
         .chain(boils.then(|| problem.start()));
     let mut best: Option<Solution> = None;
     for start in starts {
-        let solution = minimise(&problem, &start, TRY, |_, _| {})?;
+        let solution = minimise(&problem, &start, SCREENING, |_, _| {})?;
         if best.as_ref().is_none_or(|b| solution.cost < b.cost) {
             best = Some(solution);
         }
     }
     let best = best.ok_or_else(|| no_start(&screened.form))?;
-    let best = if best.stop.converged() { best } else { minimise(&problem, &best.x, REFINE, |_, _| {})? };
+    let best = if best.stop.converged() { best } else { minimise(&problem, &best.x, COARSE, |_, _| {})? };
     Ok(Refit {
         form: screened.form.clone(),
         square: 2.0 * best.cost,
