@@ -51,7 +51,7 @@ fn in_doubt(p: &FittedParameter) -> Option<String> {
 }
 
 /// How a posterior was sampled, in words.
-pub fn how(sampled: &Posterior) -> String {
+fn how(sampled: &Posterior) -> String {
     format!(
         "{} draws of {} chains, worth {} independent ones or more (R̂ {} or less); {} of the moves were made",
         sampled.chains * sampled.sweeps,
@@ -62,8 +62,17 @@ pub fn how(sampled: &Posterior) -> String {
     )
 }
 
+/// What speaks against the posterior of a fit that was to be sampled: that its chains have not met, or that there is
+/// none.
+pub fn reservation(fit: &Fit) -> Option<String> {
+    match &fit.posterior {
+        Some(sampled) => (!sampled.converged).then(|| not_converged(sampled)),
+        None => Some("the fit has no posterior: its noise or its slopes are not finite".to_owned()),
+    }
+}
+
 /// Why a posterior does not stand for the intervals, and what to do.
-pub fn not_converged(sampled: &Posterior) -> String {
+fn not_converged(sampled: &Posterior) -> String {
     format!(
         "the posterior has not converged, so the intervals are not from it: its draws are worth {} independent ones where {} were asked for, and R̂ is {}; \
          hold what is known, ask for more draws, or look at the chart of the report for two basins",
@@ -73,22 +82,26 @@ pub fn not_converged(sampled: &Posterior) -> String {
     )
 }
 
-/// The chart with its heading; nothing where nothing was sampled.
-pub(crate) fn section(fit: &Fit) -> String {
-    let Some(sampled) = &fit.posterior else { return String::new() };
+/// How a posterior was sampled, what speaks against it, and its chart as an SVG picture; none where nothing was
+/// sampled.
+pub(crate) fn chart(fit: &Fit) -> Option<(String, Option<String>, String)> {
+    let sampled = fit.posterior.as_ref()?;
     let shown = shown(fit, sampled);
     if shown.is_empty() || sampled.draws.is_empty() {
-        return String::new();
+        return None;
     }
-    let caution = if sampled.converged {
-        String::new()
-    } else {
-        format!("<p class=\"note\"><strong>Warning:</strong> {}.</p>\n", escape(&not_converged(sampled)))
-    };
+    Some((capitalised(&how(sampled)), reservation(fit), corner(fit, sampled, &shown)))
+}
+
+/// The chart with its heading; nothing where nothing was sampled.
+pub(crate) fn section(fit: &Fit) -> String {
+    let Some((how, reservation, corner)) = chart(fit) else { return String::new() };
+    let caution = reservation.map_or_else(String::new, |reservation| {
+        format!("<p class=\"note\"><strong>Warning:</strong> {}.</p>\n", escape(&reservation))
+    });
     format!(
-        "<h3>Joint posterior</h3>\n{caution}<p class=\"note\">{}. Each dot is a draw: a set of values that the recordings and what was known before allow. Dots along a line or a bow are values that trade with each other. On the diagonal, how often each value was drawn, with the fit's value as a line.</p>\n<figure class=\"corner\">{}</figure>\n",
-        escape(&capitalised(&how(sampled))),
-        corner(fit, sampled, &shown)
+        "<h3>Joint posterior</h3>\n{caution}<p class=\"note\">{}. Each dot is a draw: a set of values that the recordings and what was known before allow. Dots along a line or a bow are values that trade with each other. On the diagonal, how often each value was drawn, with the fit's value as a line.</p>\n<figure class=\"corner\">{corner}</figure>\n",
+        escape(&how)
     )
 }
 
