@@ -82,27 +82,47 @@ fn not_converged(sampled: &Posterior) -> String {
     )
 }
 
-/// How a posterior was sampled, what speaks against it, and its chart as an SVG picture; none where nothing was
-/// sampled.
-pub(crate) fn chart(fit: &Fit) -> Option<(String, Option<String>, String)> {
+/// The draws of a posterior as a picture, and what to say of them.
+pub(crate) struct Chart {
+    /// How it was sampled, in words.
+    pub(crate) how: String,
+    /// What speaks against it.
+    pub(crate) reservation: Option<String>,
+    /// SVG without any style of its own, which the workbench's page would refuse.
+    pub(crate) picture: String,
+    width: f64,
+}
+
+/// None where nothing was sampled.
+pub(crate) fn chart(fit: &Fit) -> Option<Chart> {
     let sampled = fit.posterior.as_ref()?;
     let shown = shown(fit, sampled);
     if shown.is_empty() || sampled.draws.is_empty() {
         return None;
     }
-    Some((capitalised(&how(sampled)), reservation(fit), corner(fit, sampled, &shown)))
+    Some(Chart {
+        how: capitalised(&how(sampled)),
+        reservation: reservation(fit),
+        picture: corner(fit, sampled, &shown),
+        width: ROOM + side(shown.len()),
+    })
 }
 
 /// The chart with its heading; nothing where nothing was sampled.
 pub(crate) fn section(fit: &Fit) -> String {
-    let Some((how, reservation, corner)) = chart(fit) else { return String::new() };
+    let Some(Chart { how, reservation, picture, width }) = chart(fit) else { return String::new() };
     let caution = reservation.map_or_else(String::new, |reservation| {
         format!("<p class=\"note\"><strong>Warning:</strong> {}.</p>\n", escape(&reservation))
     });
     format!(
-        "<h3>Joint posterior</h3>\n{caution}<p class=\"note\">{}. Each dot is a draw: a set of values that the recordings and what was known before allow. Dots along a line or a bow are values that trade with each other. On the diagonal, how often each value was drawn, with the fit's value as a line.</p>\n<figure class=\"corner\">{corner}</figure>\n",
+        "<h3>Joint posterior</h3>\n{caution}<p class=\"note\">{}. Each dot is a draw: a set of values that the recordings and what was known before allow. Dots along a line or a bow are values that trade with each other. On the diagonal, how often each value was drawn, with the fit's value as a line.</p>\n<figure class=\"corner\" style=\"max-width:{width}px\">{picture}</figure>\n",
         escape(&how)
     )
+}
+
+/// Panels in a row, px.
+fn side(panels: usize) -> f64 {
+    panels as f64 * (PANEL + GAP)
 }
 
 fn capitalised(text: &str) -> String {
@@ -155,10 +175,10 @@ fn corner(fit: &Fit, sampled: &Posterior, shown: &[usize]) -> String {
         .iter()
         .map(|&a| Axis::of(&fit.parameters[sampled.of[a]], sampled.draws.iter().map(|draw| draw[a]).collect()))
         .collect();
-    let side = axes.len() as f64 * (PANEL + GAP);
+    let side = side(axes.len());
     let (width, height) = (ROOM + side, side + ROOM);
     let mut out = format!(
-        r##"<svg xmlns="http://www.w3.org/2000/svg" class="chart" viewBox="0 0 {width} {height}" style="max-width:{width}px" role="img" aria-label="Draws of the joint posterior, two parameters at a time" font-family="system-ui, sans-serif" font-size="11" fill="#222">"##
+        r##"<svg xmlns="http://www.w3.org/2000/svg" class="chart" viewBox="0 0 {width} {height}" role="img" aria-label="Draws of the joint posterior, two parameters at a time" font-family="system-ui, sans-serif" font-size="11" fill="#222">"##
     );
     for (row, y) in axes.iter().enumerate() {
         let top = row as f64 * (PANEL + GAP);

@@ -118,8 +118,8 @@ pub fn known(bench: &Bench, name: &str, run: Option<&str>) -> Result<Value, AnyE
             "unresolved": p.unresolved, "disagrees": p.disagrees(),
         })
     });
-    let posterior = chart(&fit)
-        .map(|(how, reservation, picture)| json!({ "how": how, "reservation": reservation, "picture": picture }));
+    let posterior =
+        chart(&fit).map(|of| json!({ "how": of.how, "reservation": of.reservation, "picture": of.picture }));
     Ok(json!({
         "model": bench.file().in_force, "parameter": Parameter::from(&fit.parameters[j]),
         "trades_with": trades.into_iter().map(|(_, about)| about).collect::<Vec<_>>(), "profile": profile,
