@@ -1,6 +1,6 @@
 """How often the 95% intervals hold the truth: calibrate recordings whose true parameters are known, and count.
 
-coverage.py PROGRAM FOLDER [KEEP [OPEN] [posterior=N]]
+coverage.py PROGRAM FOLDER [KEEP [OPEN] [posterior=N [limit=S]]]
 
 FOLDER as tools/hidden writes it, with `truth` in answers.json; the start effects are those of the answers, with the true number of creep
 elements, or with their number left open where OPEN is `open`. The work is a campaign in the folder KEEP, FOLDER/coverage where none is given: one that
@@ -8,7 +8,8 @@ is cut off goes on. Seconds are those of one core. `off` is the root mean square
 are said to be. An open end of an interval reaches the parameter's bound and counts as inside.
 
 posterior=N samples each fit's posterior to N draws, too, and counts the intervals that are in doubt: those of the errors beside those of the
-posteriors that converged. A recording's answer is kept in KEEP/posterior; one that is there is not sampled again."""
+posteriors that converged. A recording's answer is kept in KEEP/posterior; one that is there is not sampled again. One that takes longer than S seconds is
+given up, and counts as one that did not converge."""
 import json
 import math
 import subprocess
@@ -36,8 +37,8 @@ def said_of(program, folder, keep, open_number):
     return [{"case": task["case"], "s": seconds, "said": said} for task, said, seconds in done(program, keep, cases, kind="calibrate")]
 
 
-def sampled(program, folder, keep, open_number, wanted):
-    """The fit of each recording with its posterior, and the seconds of both."""
+def sampled(program, folder, keep, open_number, wanted, limit):
+    """The fit of each recording with its posterior, and the seconds of both; nothing said where it was given up."""
     place = keep / "posterior"
     place.mkdir(parents=True, exist_ok=True)
     for case, answer in answers(folder):
@@ -45,10 +46,14 @@ def sampled(program, folder, keep, open_number, wanted):
         if not kept.exists():
             recordings, began = imported(program, folder, case, keep / "recordings"), time.monotonic()
             words = [program, "calibrate", *recordings, "--effects", ",".join(model(answer, open_number)), "--posterior", wanted, "--json"]
-            ended = subprocess.run(words, capture_output=True, text=True)
-            if not ended.stdout:
-                raise SystemExit(f"{case}: {ended.stderr}")
-            kept.write_text(json.dumps({"case": case, "s": time.monotonic() - began, "said": json.loads(ended.stdout)}))
+            try:
+                ended = subprocess.run(words, capture_output=True, text=True, timeout=limit)
+                if not ended.stdout:
+                    raise SystemExit(f"{case}: {ended.stderr}")
+                said = json.loads(ended.stdout)
+            except subprocess.TimeoutExpired:
+                said = {}
+            kept.write_text(json.dumps({"case": case, "s": time.monotonic() - began, "said": said}))
         yield json.loads(kept.read_text())
 
 
@@ -66,9 +71,10 @@ def in_doubt(fits, linear, truths):
         own = [r for r in rows if doubt in ("all", r[0])]
         share = lambda k: f"{sum(r[k] for r in own)} ({100 * sum(r[k] for r in own) / max(1, len(own)):.0f}%)"
         print(f"| {doubt} | {len(own)} | {share(1)} | {share(2)} |")
-    more = sorted(s["said"]["evaluations"] - linear[s["case"]]["said"]["evaluations"] for s in fits)
+    more = sorted(s["said"]["evaluations"] - linear[s["case"]]["said"]["evaluations"] for s in fits if s["said"]) or [0]
     seconds = sorted(s["s"] for s in fits)
-    print(f"\n{len(met)} of {len(fits)} posteriors converged; {more[len(more) // 2]} simulations median, {more[-1]} most; "
+    given_up = sum(not s["said"] for s in fits)
+    print(f"\n{len(met)} of {len(fits)} posteriors converged, {given_up} were given up; {more[len(more) // 2]} simulations median, {more[-1]} most; "
           f"{seconds[len(seconds) // 2]:.1f} s median with the fit, {seconds[-1]:.1f} s worst.")
 
 
@@ -183,9 +189,10 @@ def main():
     print("\n" + held_or_warned(said, truths))
     seconds = sorted(s["s"] for s in said)
     print(f"\n{len(said)} recordings; {seconds[len(seconds) // 2]:.1f} s median, {seconds[-1]:.1f} s worst.")
-    for word in sys.argv[4:]:
-        if word.startswith("posterior="):
-            in_doubt(list(sampled(program, folder, keep, open_number, word.removeprefix("posterior="))), said, truths)
+    given = dict(word.split("=") for word in sys.argv[4:] if "=" in word)
+    if "posterior" in given:
+        limit = float(given["limit"]) if "limit" in given else None
+        in_doubt(list(sampled(program, folder, keep, open_number, given["posterior"], limit)), said, truths)
     if "misses" in sys.argv[4:]:
         for r in rows:
             if not r[2]:

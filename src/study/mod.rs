@@ -16,6 +16,7 @@ pub mod until_done;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::Instant;
 
 use crate::diagnose::growing::{Growing, Step};
 use crate::diagnose::rest::explain;
@@ -23,6 +24,8 @@ use crate::diagnose::rest::explanation::Explanation;
 use crate::diagnose::{Diagnosis, diagnose, diagnose_fit, grow};
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
+use crate::fit::posterior::doubt::find_doubts;
+use crate::fit::posterior::sample::sample;
 use crate::fit::progress::{OnProgress, Progress};
 use crate::fit::search::calibrate::{Begin, Fitter};
 use crate::fit::search::options::{Effort, Options};
@@ -229,6 +232,30 @@ impl Study {
     pub fn diagnose_model(&self, effects: &[Chosen], options: &Options) -> Result<Diagnosis> {
         self.recordings.iter().try_for_each(Loaded::require_sound)?;
         Ok(diagnose(&self.rig, &self.runs, effects, options, self.watcher())?)
+    }
+
+    /// Takes the 95% intervals of a fit from the joint posterior of its values, sampled until each parameter has
+    /// `wanted` independent draws, and says of which the intervals that the errors give are in doubt. Where the chains
+    /// do not meet, intervals stay as they are, and [`Fit::posterior`] says so; where the fit's noise or slopes are not
+    /// finite, it has no posterior.
+    ///
+    /// ```no_run
+    /// let study = surgescope::Study::open(["recordings/hdpe-creep.mcap"])?;
+    /// let mut fit = study.calibrate("viscoelastic-wall:2").run()?;
+    /// study.sample(&mut fit, 400, 1)?;
+    /// assert!(fit.posterior.is_some_and(|posterior| posterior.converged));
+    /// # Ok::<(), surgescope::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// A model that cannot be simulated.
+    pub fn sample(&self, fit: &mut Fit, wanted: usize, seed: u64) -> Result<()> {
+        let began = Instant::now();
+        let options = Options { seed, ..options_of(fit) };
+        find_doubts(&self.rig, &self.runs, fit, &options)?;
+        sample(&self.rig, &self.runs, fit, wanted, &options, self.watcher())?;
+        fit.seconds += began.elapsed().as_secs_f64();
+        Ok(())
     }
 
     /// The fitted model without one of its effects, refitted from where the rest stands.

@@ -153,6 +153,31 @@ fn an_effect_that_stood_in_for_another_is_exchanged() {
     assert_eq!(search.diagnoses().last().unwrap().verdict, Verdict::NothingMissing);
 }
 
+/// What an answer adds is in the model that is sampled, and the page of the diagnosis shows the draws.
+#[test]
+#[ignore = "takes 30 s; CI runs it at night"]
+fn the_posterior_is_that_of_the_final_model() {
+    let folder = tempfile::tempdir().unwrap();
+    let page = folder.path().join("page.html");
+    let asked = [CREEP, "--most-reaches", "32", "--posterior", "100", "--report", text(&page)];
+    let answer = diagnose(&asked);
+    assert_eq!(answer["verdict"], "missing-effect");
+    let last = &answer["final"];
+    assert_eq!(last["effects"], serde_json::json!([best(&answer)["label"]]));
+    assert_eq!(last["rmse_m"], best(&answer)["rmse_m"]);
+    let sampled = &last["posterior"];
+    assert_eq!((&sampled["converged"], &sampled["wanted"]), (&Value::Bool(true), &100.into()), "{sampled}");
+    for name in ["wave_speed_m_s", "J1_per_GPa", "tau1_s"] {
+        let p = parameter(last, name);
+        assert_eq!(p["interval_95"], p["posterior"]["interval_95"], "{p}");
+        let [low, high] = [0, 1].map(|i| p["interval_95"][i].as_f64().unwrap());
+        assert!((low..high).contains(&p["posterior"]["median"].as_f64().unwrap()), "{p}");
+    }
+    let html = std::fs::read_to_string(&page).unwrap();
+    assert!(html.contains("Joint posterior") && html.contains("Draws of the joint posterior"));
+    refused(&["diagnose", CREEP, "--posterior", "99"], &["--posterior", "100"]);
+}
+
 #[test]
 fn bad_questions_are_refused_with_what_to_do() {
     refused(&["diagnose", "recordings/none.mcap"], &["none.mcap"]);

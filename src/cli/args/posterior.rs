@@ -1,32 +1,36 @@
 //! The joint posterior of a fit, as the command line asks for it.
 
+use crate::cli::args::values;
 use crate::cli::console::print::tell_warning;
-use crate::cli::console::progress::progress_bar;
+use crate::cli::console::progress::shown;
 use crate::fit::outcome::fit::Fit;
-use crate::fit::posterior::doubt::find_doubts;
-use crate::fit::posterior::sample::sample;
 use crate::fit::problem::objective::Objective;
-use crate::fit::progress::Progress;
 use crate::fit::search::options::Options;
 use crate::report::calibration::posterior;
 use crate::study::Study;
+use crate::study::error::Error;
 
 /// How many draws are wanted.
 #[derive(Debug, clap::Args)]
 pub struct Sampling {
-    /// Take the 95% intervals from the joint posterior, sampled until each parameter has this many independent draws.
-    #[arg(long, value_name = "N", conflicts_with = "names", value_parser = clap::value_parser!(u32).range(100..=100_000),
-          allow_negative_numbers = true)]
-    posterior: Option<u32>,
+    /// Take the 95% intervals from the joint posterior, sampled until each parameter has this many independent draws;
+    /// of a diagnosis those of its final model.
+    #[arg(long = "posterior", value_name = "N", value_parser = values::draws, allow_negative_numbers = true)]
+    wanted: Option<usize>,
 }
 
 impl Sampling {
+    /// Whether that was asked for.
+    pub fn is_wanted(&self) -> bool {
+        self.wanted.is_some()
+    }
+
     /// Refuses a fit that has no posterior.
     ///
     /// # Errors
     /// Frequencies are compared.
     pub fn check(&self, options: &Options) -> Result<(), String> {
-        match (self.posterior, options.objective) {
+        match (self.wanted, options.objective) {
             (Some(_), Objective::Frequency) => {
                 Err("a posterior is that of the samples: leave out --posterior, or --misfit frequency".to_owned())
             }
@@ -39,25 +43,10 @@ impl Sampling {
     ///
     /// # Errors
     /// A model that cannot be simulated.
-    pub fn apply(
-        &self,
-        study: &Study,
-        fit: &mut Fit,
-        options: &Options,
-    ) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
-        let Some(wanted) = self.posterior else { return Ok(()) };
-        let began = std::time::Instant::now();
-        let bar = progress_bar();
-        find_doubts(study.rig(), study.runs(), fit, options)?;
-        let shown = |p: &Progress| bar.set_message(p.stage.clone());
-        sample(study.rig(), study.runs(), fit, wanted as usize, options, &shown)?;
-        bar.finish_and_clear();
-        fit.seconds += began.elapsed().as_secs_f64();
-        if let Some(sampled) = fit.posterior.as_ref().filter(|sampled| !sampled.converged) {
-            tell_warning!("{}", posterior::not_converged(sampled));
-        } else if fit.posterior.is_none() {
-            tell_warning!("the fit has no posterior: its noise or its slopes are not finite");
-        }
+    pub fn apply(&self, study: &mut Study, fit: &mut Fit, seed: u64) -> Result<(), Error> {
+        let Some(wanted) = self.wanted else { return Ok(()) };
+        shown(study, "", |study| study.sample(fit, wanted, seed))?;
+        posterior::reservation(fit).iter().for_each(|reservation| tell_warning!("{reservation}"));
         Ok(())
     }
 }

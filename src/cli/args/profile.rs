@@ -15,7 +15,7 @@ use crate::study::Study;
 pub struct Profiles {
     /// Parameters whose 95% intervals come from profile likelihood: each is varied while all others are refitted. `all`
     /// takes all of them; a parameter of each run is profiled in all runs.
-    #[arg(long = "profile", value_name = "NAME,…|all", value_delimiter = ',')]
+    #[arg(long = "profile", value_name = "NAME,…|all", value_delimiter = ',', conflicts_with = "wanted")]
     names: Vec<String>,
 }
 

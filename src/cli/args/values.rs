@@ -1,5 +1,8 @@
 //! Values on the command line: numbers in their ranges, `NAME=VALUE` pairs, an effect. Each is a clap value parser.
 
+use std::ops::RangeInclusive;
+
+use crate::fit::outcome::posterior::WANTED;
 use crate::model::effects::{Chosen, parse_list, pipe_is_no_setting};
 pub(crate) use crate::units::written::number;
 
@@ -36,7 +39,18 @@ pub fn not_negative(text: &str) -> Result<f64, String> {
 /// # Errors
 /// See [`number`].
 pub fn reaches(text: &str) -> Result<usize, String> {
-    let range = 8..=100_000;
+    whole(text, &(8..=100_000))
+}
+
+/// A number of independent draws of a posterior.
+///
+/// # Errors
+/// None that is a number in [`WANTED`].
+pub fn draws(text: &str) -> Result<usize, String> {
+    whole(text, &WANTED)
+}
+
+fn whole(text: &str, range: &RangeInclusive<usize>) -> Result<usize, String> {
     let number = text.trim().parse().ok().filter(|n| range.contains(n));
     number.ok_or_else(|| format!("must be a whole number from {} to {}", range.start(), range.end()))
 }
@@ -78,6 +92,8 @@ mod tests {
         assert!(setting("a=NaN").is_err() && positive("0").is_err() && not_negative("-1").is_err());
         assert_eq!(not_negative("0"), Ok(0.0));
         assert_eq!((reaches("8"), reaches("100000")), (Ok(8), Ok(100_000)));
+        assert_eq!(draws("100"), Ok(100));
+        assert!(draws("99").unwrap_err().contains("from 100 to 100000"));
         for bad in ["7", "100001", "-1", "1e3", "64.5", ""] {
             assert!(reaches(bad).unwrap_err().contains("from 8 to 100000"), "{bad}");
         }

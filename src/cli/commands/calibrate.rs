@@ -128,7 +128,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         })?;
         if last {
             args.profiles.apply(&study, &mut fit, &options)?;
-            args.sampling.apply(&study, &mut fit, &options)?;
+            args.sampling.apply(&mut study, &mut fit, options.seed)?;
         }
         fits.push((title(effects), fit));
     }

@@ -15,9 +15,11 @@ use crate::cli::console::progress::shown;
 use crate::diagnose::Verdict;
 use crate::fit::outcome::fit::Fit;
 use crate::fit::search::options::Options;
+use crate::fit::validate::conflict::warnings;
 use crate::fit::validate::energy::energy_of;
-use crate::model::effects::{Chosen, parse_list};
+use crate::model::effects::{Chosen, name_of, parse_list};
 use crate::report::Page;
+use crate::report::calibration::{posterior, text as table};
 use crate::report::diagnosis::text as diagnosis;
 use crate::report::text::number::{error_m, times};
 use crate::report::{Stage, title};
@@ -53,6 +55,8 @@ pub struct Args {
     hold: Vec<Hold>,
     #[command(flatten)]
     creep: crate::cli::args::creep_prior::CreepPrior,
+    #[command(flatten)]
+    sampling: crate::cli::args::posterior::Sampling,
     #[command(flatten)]
     ignored: crate::cli::args::ignore::Ignored,
     /// Read the recordings with this rig instead of the stored one.
@@ -170,17 +174,28 @@ fn diagnosed(args: Args, json: bool) -> CommandResult {
             break;
         }
     }
-    let (models, diagnoses) = (search.models(), search.diagnoses());
+    let (mut models, diagnoses) = (search.models().to_vec(), search.diagnoses());
     let Some(last) = diagnoses.last() else { return Ok(Outcome::Done) };
     if search.is_cut_short() {
         tell!("stopped after {} models", models.len());
     }
+    if !json {
+        say_text!(if args.until_done { staircase(&models) } else { diagnosis::text(last) });
+    }
+    let sampled = models.last_mut().filter(|_| args.sampling.is_wanted());
+    if let Some(fit) = sampled {
+        args.sampling.apply(&mut study, fit, Options::default().seed)?;
+        if !json {
+            let (model, intervals) = (name_of(&fit.effects), table::parameters(fit));
+            say_text!(format!("\nThe final model, {model}:\n{intervals}\n{}", posterior::text(fit)));
+        }
+    }
     if json {
-        say_document(diagnosis::value(diagnoses, &faults_of(&study))?)?;
-    } else if args.until_done {
-        say_text!(staircase(models));
-    } else {
-        say_text!(diagnosis::text(last));
+        let mut document = diagnosis::value(diagnoses, &faults_of(&study))?;
+        if let Some(fit) = models.last().filter(|_| args.sampling.is_wanted()) {
+            document["final"] = serde_json::to_value(study.record(fit, &warnings(fit, study.runs())))?;
+        }
+        say_document(document)?;
     }
     if let (Some(path), Some(file), None) = (&args.apply, &file, &unsaved) {
         tell!("model {} is now current in {}", file.in_force, path.shown());

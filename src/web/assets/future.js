@@ -84,8 +84,8 @@ export function job() {
   falling();
 }
 
-// A diagnosis fits many models by turns, and a profile one at many places: their errors make no curve.
-const descends = (what) => !/^(diagnosing|profiling)/.test(what);
+// A diagnosis fits many models by turns, a profile one at many places, and a posterior none: their errors make no curve.
+const descends = (what) => !/^(diagnosing|profiling|sampling)/.test(what);
 
 const [LEFT, RIGHT, TOP, BOTTOM] = [52, 292, 8, 74];
 function falling() {

@@ -1,4 +1,4 @@
-// How well a parameter is known: its 95% interval, the profile of its likelihood, and what it trades with.
+// How well a parameter is known: its 95% interval, the profile of its likelihood, the joint posterior, and what it trades with.
 
 import { ask } from "/assets/api.js";
 import { at, digits, h, keyOf, named, put, svg, uncertain, unitOf } from "/assets/dom.js";
@@ -81,6 +81,22 @@ function says(profile, p) {
   ].filter(Boolean).map((text) => h("p", { text }));
 }
 
+// The draws of the joint posterior, two parameters at a time, as the report has them.
+function draws({ picture }) {
+  const drawn = document.importNode(new DOMParser().parseFromString(picture, "image/svg+xml").documentElement, true);
+  drawn.setAttribute("class", "draws");
+  return drawn;
+}
+
+// What the posterior says, in words.
+function sampled({ how, reservation }, p, { posterior: own }) {
+  return [
+    own && !reservation ? `95% interval by the posterior: ${interval(own.interval_95 || [null, null])} ${unitOf(p)}.` : null,
+    reservation ? `Warning: ${reservation}.` : null,
+    `${how}. Each dot is a draw: a set of values that the recordings allow. Dots along a line or a bow are values that trade with each other.`,
+  ].filter(Boolean).map((text) => h("p", { text }));
+}
+
 // The ellipse of two errors with this correlation: a circle where they do not know of each other, a line where they trade.
 const TILE = 88;
 function trade(other, p) {
@@ -101,20 +117,28 @@ function trade(other, p) {
 }
 
 const SEEN = 8;
+const DRAWS = [100, 400, 1000];
+let wanted = DRAWS[0];
 function draw() {
   const { p, found } = shown;
-  const { profile, trades_with: trades } = found;
+  const { profile, posterior, trades_with: trades } = found;
   const working = app.state.job;
-  const own = working?.what === `profiling ${p.name}`;
   const held = found.parameter.held;
+  // the job that is at work on what a button of this dialog asked for
+  const at_work = (what, key) => (working?.what === what ? h("p", {}, h("button", { type: "button", text: "Cancel", "data-key": key, onclick: () => act("/api/cancel") }), " ", h("span", { class: "progress", text: working.progress })) : null);
+  const many = h("select", { "aria-label": "Independent draws of each parameter", disabled: Boolean(working), "data-key": "draws", onchange: (event) => { wanted = Number(event.target.value); } },
+    DRAWS.map((n) => h("option", { value: n, text: `${n} draws`, selected: n === wanted })));
+  const sample = h("button", { type: "button", class: "primary", text: posterior ? "Sample again" : "Sample", disabled: Boolean(working), "data-key": "sample", onclick: () => act("/api/posterior", { draws: wanted }) });
   const start = h("button", { type: "button", class: "primary", text: profile ? "Profile again" : "Profile", disabled: Boolean(working) || held, "data-key": "profile", onclick: () => act("/api/profile", { parameter: p.name, ...(p.run && { run: p.run }) }) });
-  const at_work = own ? h("p", {}, h("button", { type: "button", text: "Cancel", "data-key": "profile", onclick: () => act("/api/cancel") }), " ", h("span", { class: "progress", text: working.progress })) : null;
   const strongest = trades[0];
   put(at("known"), h("form", { method: "dialog", class: "heading" }, h("h2", { text: `How well ${named(p)} is known` }), h("button", { text: "Close" })),
     h("p", {}, h("b", { text: `${uncertain(found.parameter.value, found.parameter.standard_error)} ${unitOf(p)}` }), held ? " held" : null, ` ${p.about}`),
     h("h3", { text: "Profile" }),
     h("p", { class: "hint", text: held ? "It is held, so it has no profile: let it go and fit." : "The parameter is moved step by step, and at each step all others are fitted again. The curve is how much worse the fit gets; the interval ends where that is more than noise explains." }),
-    profile ? picture(profile, p) : null, profile ? says(profile, p) : null, at_work || h("p", {}, start),
+    profile ? picture(profile, p) : null, profile ? says(profile, p) : null, at_work(`profiling ${p.name}`, "profile") || h("p", {}, start),
+    h("h3", { text: "Joint posterior" }),
+    h("p", { class: "hint", text: "Sets of values of all parameters are drawn that the recordings allow, along bounds and bent valleys too. Where the draws agree, the 95% intervals of all parameters are theirs. It may take minutes." }),
+    posterior ? draws(posterior) : null, posterior ? sampled(posterior, p, found.parameter) : null, at_work("sampling the posterior", "sample") || h("p", {}, sample, " ", many),
     h("h3", { text: "What it trades with" }),
     strongest ? h("p", { class: "hint", text: Math.abs(strongest.correlation) < 0.5 ? "With none of the others: each is settled by itself." : `When it rises, ${named(strongest)} ${Math.abs(strongest.correlation) > 0.9 ? `${strongest.correlation > 0 ? "rises" : "falls"}, and the fit hardly gets worse` : `tends to ${strongest.correlation > 0 ? "rise" : "fall"}`}. A circle is no trade, a line a full one.` }) : h("p", { class: "hint", text: "Nothing is known of it: the parameter is held or at a bound, or the fit ended at no optimum." }),
     h("div", { class: "trades" }, trades.slice(0, SEEN).map((other) => trade(other, p))),

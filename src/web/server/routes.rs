@@ -83,6 +83,7 @@ pub fn router(session: Arc<Session>, guard: Arc<Guard>, more: Router<Arc<App>>) 
         .route("/api/add", post(|app, body| act(app, body, |a: Addition| Action::Add(a.effect, a.set))))
         .route("/api/remove", post(|app, body| act(app, body, |e: OneEffect| Action::Remove(e.effect))))
         .route("/api/profile", post(|app, body| act(app, body, |p: OneParameter| Action::Profile(p.parameter, p.run))))
+        .route("/api/posterior", post(|app, body| act(app, body, |d: Draws| Action::Sample(d.draws))))
         .route("/api/known", get(known))
         .route("/api/undo", post(|app, body| act(app, body, |Nothing {}| Action::Undo)))
         .route("/api/redo", post(|app, body| act(app, body, |Nothing {}| Action::Redo)))
@@ -133,6 +134,12 @@ struct OneParameter {
     parameter: String,
     #[serde(default)]
     run: Option<String>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Draws {
+    draws: usize,
 }
 
 #[derive(Deserialize)]

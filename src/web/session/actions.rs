@@ -8,10 +8,12 @@ use serde::Deserialize;
 
 use crate::diagnose::Diagnosis;
 use crate::fit::outcome::fit::{Fit, FittedParameter};
+use crate::fit::outcome::posterior::WANTED;
 use crate::fit::search::options::Options;
 use crate::fit::validate::profile::profiles;
 use crate::model::constraint::Given;
 use crate::model::effects::{Chosen, parse_list};
+use crate::report::calibration::posterior::reservation;
 use crate::results::model_file::Entry;
 use crate::study::Grown;
 use crate::study::hold::options_of;
@@ -51,6 +53,8 @@ pub enum Action {
     Fit(Wishes),
     /// Find out how far a parameter may move before the fit is worse than noise explains; of one run where it is named.
     Profile(String, Option<String>),
+    /// Take the intervals from the joint posterior, sampled until each parameter has so many independent draws.
+    Sample(usize),
     /// To the model that this one grew out of.
     Undo,
     /// To the last model that grew out of this one.
@@ -68,6 +72,7 @@ impl Action {
             Action::Remove(effect) => format!("removing {effect}"),
             Action::Fit(_) => "fitting".into(),
             Action::Profile(name, _) => format!("profiling {name}"),
+            Action::Sample(_) => "sampling the posterior".into(),
             Action::Undo => "undoing".into(),
             Action::Redo => "redoing".into(),
             Action::Force(number) => format!("going to model {number}"),
@@ -93,6 +98,7 @@ impl Bench {
                 }
             }
             Action::Profile(name, run) => self.walk(name, run.as_deref())?,
+            Action::Sample(wanted) => self.sample(*wanted)?,
             Action::Fit(wishes) => {
                 self.fit_in_force()?;
                 let entry = wished(self.file().current().clone(), wishes)?;
@@ -151,6 +157,19 @@ impl Bench {
         let study = &self.study;
         let found = profiles(study.rig(), study.runs(), &fit, &[j], &options_of(&fit), study.watcher())?;
         found.of_each.into_iter().for_each(|profile| self.keep_profile(j, profile));
+        Ok(())
+    }
+
+    fn sample(&self, wanted: usize) -> Result<(), AnyError> {
+        if !WANTED.contains(&wanted) {
+            return Err(format!("draws must be from {} to {}", WANTED.start(), WANTED.end()).into());
+        }
+        let mut fit = (*self.fit_in_force()?).clone();
+        self.study.sample(&mut fit, wanted, Options::default().seed)?;
+        if fit.posterior.is_none() {
+            return Err(reservation(&fit).unwrap_or_default().into());
+        }
+        self.keep_fit(fit);
         Ok(())
     }
 

@@ -238,14 +238,11 @@ impl Bench {
     /// # Errors
     /// As [`save`].
     pub fn append(&self, fit: Fit, why: &str, evidence: Option<f64>) -> Result<(), AnyError> {
-        let fit = Arc::new(fit);
         self.change(|file| {
             file.append(&fit, why, evidence, now());
             Ok(())
         })?;
-        let mut models = self.models();
-        let number = models.file.in_force;
-        models.fits.insert(number, fit);
+        self.keep_fit(fit);
         Ok(())
     }
 
@@ -282,6 +279,13 @@ impl Bench {
         if models.diagnoses.len() > DIAGNOSES {
             models.diagnoses.remove(0);
         }
+    }
+
+    /// Keeps the fit of the model in force with more that is known of it.
+    pub fn keep_fit(&self, fit: Fit) {
+        let mut models = self.models();
+        let number = models.file.in_force;
+        models.fits.insert(number, Arc::new(fit));
     }
 
     /// Keeps the profile of a parameter of the model in force.

@@ -6,6 +6,7 @@ use crate::diagnose::residual_patterns::{by_cycle, residual_patterns};
 use crate::fit::numeric::quantiles::Z_95;
 use crate::fit::outcome::fit::{Fit, FittedParameter};
 use crate::fit::outcome::uncertainty::Uncertainty;
+use crate::report::calibration::posterior::chart;
 use crate::results::fit_record::Parameter;
 use crate::results::model_file::Entry;
 use crate::web::session::Session;
@@ -88,8 +89,8 @@ fn advice(fit: &Fit, j: usize, p: &FittedParameter, of_effect: bool) -> Option<S
     ))
 }
 
-/// How well the fit knows a parameter: its interval, what it trades with, strongest first, and its profile where that
-/// was asked for.
+/// How well the fit knows a parameter: its interval, what it trades with, strongest first, and its profile and the
+/// posterior of the model where they were asked for.
 ///
 /// # Errors
 /// No model yet, a parameter that it does not have.
@@ -117,9 +118,12 @@ pub fn known(bench: &Bench, name: &str, run: Option<&str>) -> Result<Value, AnyE
             "unresolved": p.unresolved, "disagrees": p.disagrees(),
         })
     });
+    let posterior =
+        chart(&fit).map(|of| json!({ "how": of.how, "reservation": of.reservation, "picture": of.picture }));
     Ok(json!({
         "model": bench.file().in_force, "parameter": Parameter::from(&fit.parameters[j]),
         "trades_with": trades.into_iter().map(|(_, about)| about).collect::<Vec<_>>(), "profile": profile,
+        "posterior": posterior,
     }))
 }
 

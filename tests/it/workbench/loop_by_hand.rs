@@ -202,6 +202,50 @@ fn how_well_a_parameter_is_known_is_what_the_command_says() {
 }
 
 #[test]
+#[ignore = "takes 30 s; CI runs it at night"]
+fn the_posterior_of_the_model_in_force_gives_its_intervals() {
+    let folder = folder_with(NOTHING);
+    let effects = ["calibrate", "run.mcap", "--effects", "viscoelastic-wall:2", "--most-reaches", "32"];
+    done_in(folder.path(), &[&effects[..], &["--save", "run.model.toml"]].concat());
+    let bench = Workbench::open(folder.path(), &["run.model.toml"]);
+    let fitted = bench.fitted();
+    let known = || -> Value { serde_json::from_slice(&bench.get("/api/known?parameter=tau1_s")).unwrap() };
+    assert_eq!(known()["posterior"], Value::Null, "it is sampled on demand");
+
+    let heard = bench.job("/api/posterior", &json!({ "draws": 100 }));
+    assert_eq!(heard.last().unwrap().0, "done", "{heard:?}");
+    let told = |(name, data): &(String, Value)| {
+        name == "progress" && data["progress"].as_str().is_some_and(|progress| progress.starts_with("posterior: "))
+    };
+    assert!(heard.iter().any(told), "{heard:?}");
+    let found = known();
+    assert_eq!(found["posterior"]["reservation"], Value::Null, "{found}");
+    assert!(found["posterior"]["how"].as_str().unwrap().contains("8 chains"), "{found}");
+    let picture = found["posterior"]["picture"].as_str().unwrap();
+    assert!(
+        picture.starts_with("<svg")
+            && picture.contains("tau1_s")
+            && !picture.contains("style=")
+            && picture.ends_with("</svg>")
+    );
+    let own = &found["parameter"];
+    assert_eq!(own["interval_95"], own["posterior"]["interval_95"]);
+    let state = bench.state();
+    assert_eq!(
+        (&state["model"]["number"], &state["model"]["rmse_m"]),
+        (&fitted["model"]["number"], &fitted["model"]["rmse_m"])
+    );
+    let of_state = state["model"]["parameters"].as_array().unwrap().iter().find(|p| p["name"] == "tau1_s").unwrap();
+    assert_eq!(of_state["interval_95"], own["interval_95"]);
+    let page = String::from_utf8(bench.get("/api/report")).unwrap();
+    assert!(page.contains("Draws of the joint posterior"), "the page that is taken away has it, too");
+
+    let refusal = bench.job("/api/posterior", &json!({ "draws": 3 }));
+    assert!(refusal.last().unwrap().1["message"].as_str().unwrap().contains("from 100"), "{refusal:?}");
+    bench.post("/api/posterior", &json!({}), 400);
+}
+
+#[test]
 fn of_a_fit_at_no_optimum_no_correlation_is_known() {
     let folder = folder_with(LEAK);
     let bench = Workbench::open(folder.path(), &["run.mcap"]);

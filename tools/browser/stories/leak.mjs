@@ -1,6 +1,6 @@
-// (c) A leak is put on the drawing, dragged along the pipe to its place, fitted, and undone.
+// (c) A leak is put on the drawing, dragged along the pipe to its place, fitted, and undone; then the joint posterior is sampled.
 import assert from "node:assert";
-import { close, inForce, settled, story, valueOf } from "./helpers.mjs";
+import { close, inForce, LONG, settled, story, valueOf } from "./helpers.mjs";
 
 await story("a leak dragged to its place ends where the commands end", {
   files: { "run.mcap": "copper-leak.mcap" }, words: ["run.model.toml"],
@@ -53,4 +53,18 @@ await story("a leak dragged to its place ends where the commands end", {
   await page.keyboard.press("u");
   await page.waitForFunction(() => document.querySelectorAll(".model")[1]?.classList.contains("force"));
   assert.equal(command("model", "run.model.toml").in_force, 2);
+
+  // the joint posterior: a panel for each two parameters, and intervals that are those of the draws
+  await page.click('[aria-label="How well wave speed is known"]');
+  await page.click("#known [data-key=sample]");
+  await page.waitForSelector("#known svg.draws", { timeout: 5 * LONG.timeout });
+  await settled(page);
+  const sampled = (await state()).model.parameters.filter((p) => p.posterior);
+  const shown = Math.min(7, sampled.length);
+  assert(shown > 2 && sampled.every((p) => p.posterior.effective_draws >= 100), JSON.stringify(sampled));
+  assert.equal(await page.locator("#known svg.draws rect.grid").count(), (shown * (shown + 1)) / 2);
+  assert((await page.textContent("#known")).includes("95% interval by the posterior"));
+  assert.deepEqual(sampled.map((p) => p.interval_95), sampled.map((p) => p.posterior.interval_95));
+  await page.locator("#known svg.draws").scrollIntoViewIfNeeded();
+  await shot(page, "posterior");
 });

@@ -6,18 +6,22 @@ use std::sync::Arc;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyCapsule, PyDict, PyMappingProxy, PyTuple};
+use surgescope::fit::outcome::doubt::Doubt;
 use surgescope::fit::outcome::fit::{Fit as Fitted, FittedParameter, RunFit, SensorFit};
+use surgescope::fit::outcome::posterior::{Marginal, Posterior as Sampled};
+use surgescope::fit::search::options::Options;
+use surgescope::report::calibration::posterior::reservation;
 use surgescope::results::fit_file::Form;
 use surgescope::storage::output;
 
 use crate::arrays::view;
 use crate::arrow;
 use crate::diagnosis::Diagnosis;
-use crate::error::{refused, sentence};
+use crate::error::{fault, refused, sentence, warn};
 use crate::json;
 use crate::pickled::{packed, unpacked};
 use crate::simulate::Effects;
-use crate::study::{Call, Origin, Study, with_warnings};
+use crate::study::{Call, Origin, Study, draws, with_warnings};
 use crate::table::{Table, Values};
 
 /// A calibrated model of one recording or of several. It does not change, and can be pickled.
@@ -51,6 +55,9 @@ pub struct Parameter {
     standard_error: f64,
     /// Unit.
     unit: &'static str,
+    /// Why the interval that the standard error gives is in doubt: bound, curved (looked for where the posterior is
+    /// sampled) or open; None where it is not.
+    doubt: Option<&'static str>,
     /// Whether it ended at one of its bounds.
     at_bound: bool,
     /// Whether it was held.
@@ -73,6 +80,7 @@ impl From<&FittedParameter> for Parameter {
             high: p.interval_95.1,
             standard_error: p.standard_error(),
             unit: p.unit,
+            doubt: p.doubt.map(Doubt::name),
             at_bound: p.at_bound,
             held: p.held,
             lower: p.lower,
@@ -128,6 +136,94 @@ pub struct FittedSensor {
     fit: Arc<Fitted>,
     run: usize,
     sensor: usize,
+}
+
+/// The joint posterior of a fit's values, sampled. Its parameters are those that were free, in the order of the fit's;
+/// all arrays follow it.
+#[pyclass(frozen, module = "surgescope")]
+pub struct Posterior {
+    fit: Arc<Fitted>,
+}
+
+impl Posterior {
+    fn own(&self) -> PyResult<&Sampled> {
+        self.fit.posterior.as_ref().ok_or_else(fault)
+    }
+
+    /// Of each sampled parameter.
+    fn each<T>(&self, of: impl Fn(&FittedParameter) -> T) -> PyResult<Vec<T>> {
+        Ok(self.own()?.of.iter().map(|&j| of(&self.fit.parameters[j])).collect())
+    }
+
+    /// Of the posterior of each sampled parameter.
+    fn marginal<T>(&self, of: impl Fn(&Marginal) -> T) -> PyResult<Vec<T>> {
+        self.each(|p| p.posterior.as_ref().map(&of))?.into_iter().map(|known| known.ok_or_else(fault)).collect()
+    }
+}
+
+#[pymethods]
+impl Posterior {
+    /// Names of the sampled parameters.
+    #[getter]
+    fn names(&self) -> PyResult<Vec<String>> {
+        self.each(|p| p.name.clone())
+    }
+
+    /// The file of the run that each of them belongs to; None where all runs share it.
+    #[getter]
+    fn runs(&self) -> PyResult<Vec<Option<String>>> {
+        self.each(|p| p.run.clone())
+    }
+
+    /// Draws, evenly from all chains, shape (draws, parameters), in the units of the names: as many as were asked for,
+    /// and 1000 or so where those were fewer.
+    #[getter]
+    fn draws<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        Ok(PyArray2::from_vec2(py, &self.own()?.draws)?)
+    }
+
+    /// 95% interval of each parameter, shape (parameters, 2); an end that a bound cuts off where the density is high is
+    /// infinite.
+    #[getter]
+    fn interval_95<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        Ok(PyArray2::from_vec2(py, &self.marginal(|m| vec![m.interval_95.0, m.interval_95.1])?)?)
+    }
+
+    /// Median of each parameter's draws, shape (parameters,).
+    #[getter]
+    fn median<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        Ok(PyArray1::from_vec(py, self.marginal(|m| m.median)?))
+    }
+
+    /// R-hat of each parameter, shape (parameters,): 1 where all chains show the same.
+    #[getter]
+    fn r_hat<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        Ok(PyArray1::from_vec(py, self.marginal(|m| m.r_hat)?))
+    }
+
+    /// Independent draws that say as much of each parameter as all its chains, shape (parameters,).
+    #[getter]
+    fn effective_draws<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        Ok(PyArray1::from_vec(py, self.marginal(|m| m.effective_draws)?))
+    }
+
+    /// Whether the chains have met and say as much as was asked for; otherwise no interval of the fit comes from them.
+    #[getter]
+    fn converged(&self) -> PyResult<bool> {
+        Ok(self.own()?.converged)
+    }
+
+    fn __repr__(&self) -> PyResult<String> {
+        let own = self.own()?;
+        let number = |v: f64, digits: usize| format!("{v:.digits$}");
+        Ok(format!(
+            "<surgescope.Posterior of {} parameters: {} independent draws or more, R-hat {} or less{}>",
+            own.of.len(),
+            number(own.effective_draws, 0),
+            number(own.r_hat, 3),
+            if own.converged { "" } else { ", not converged" }
+        ))
+    }
 }
 
 impl FittedRun {
@@ -245,6 +341,21 @@ impl Fit {
     pub fn new(fit: Fitted, origin: Arc<Origin>, evidence: Option<f64>, warnings: Vec<String>) -> Self {
         Fit { fit: Arc::new(fit), origin, evidence, warnings }
     }
+
+    /// The same of one whose posterior was asked for: warns of what speaks against it.
+    ///
+    /// # Errors
+    /// A warning that Python makes an error.
+    pub fn sampled(
+        py: Python<'_>,
+        fit: Fitted,
+        origin: Arc<Origin>,
+        evidence: Option<f64>,
+        warnings: Vec<String>,
+    ) -> PyResult<Self> {
+        reservation(&fit).iter().try_for_each(|reservation| warn(py, reservation))?;
+        Ok(Fit::new(fit, origin, evidence, warnings))
+    }
 }
 
 #[pymethods]
@@ -280,6 +391,35 @@ impl Fit {
     #[getter]
     fn correlation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         Ok(PyArray2::from_vec2(py, &self.fit.correlation)?)
+    }
+
+    /// The joint posterior of its values; None where it was not sampled.
+    #[getter]
+    fn posterior(&self) -> Option<Posterior> {
+        self.fit.posterior.is_some().then(|| Posterior { fit: self.fit.clone() })
+    }
+
+    /// The same fit with its joint posterior, sampled until each parameter has `wanted` independent draws, 100 or more:
+    /// where the chains have met, the 95% intervals are those of the draws. It may take minutes. `seed` is that of the
+    /// draws; `threads` and `progress` as in `Study.calibrate`. Warns where the chains have not met, or where the fit
+    /// has no posterior.
+    ///
+    /// Raises Error: too few draws or too many, a model that cannot be simulated.
+    #[pyo3(signature = (wanted, *, seed = None, threads = None, progress = None))]
+    fn sample<'py>(
+        &self,
+        py: Python<'py>,
+        wanted: usize,
+        seed: Option<u64>,
+        threads: Option<usize>,
+        progress: Option<Bound<'py, PyAny>>,
+    ) -> PyResult<Fit> {
+        let (mut fit, wanted) = ((*self.fit).clone(), draws(wanted)?);
+        let (fit, warnings) = self.origin.computed(py, Call { threads, progress }, move |study| {
+            study.sample(&mut fit, wanted, seed.unwrap_or(Options::default().seed))?;
+            Ok(with_warnings(study, fit))
+        })?;
+        Fit::sampled(py, fit, self.origin.clone(), self.evidence, warnings)
     }
 
     /// Each recording with its curves.

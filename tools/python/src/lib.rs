@@ -40,7 +40,7 @@ mod _native {
     #[pymodule_export]
     use crate::error::{Error, SurgescopeWarning};
     #[pymodule_export]
-    use crate::fit::{Fit, FittedRun, FittedSensor, Parameter};
+    use crate::fit::{Fit, FittedRun, FittedSensor, Parameter, Posterior};
     #[pymodule_export]
     use crate::recording::{Recording, Sensor, read};
     #[pymodule_export]

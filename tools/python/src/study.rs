@@ -180,6 +180,14 @@ fn reaches(given: Option<usize>) -> PyResult<Option<usize>> {
     checked.map_err(|words| sentence(format!("most_reaches {words}")))
 }
 
+/// A number of independent draws of a posterior.
+///
+/// # Errors
+/// Too few or too many.
+pub fn draws(given: usize) -> PyResult<usize> {
+    values::draws(&given.to_string()).map_err(|words| sentence(format!("the number of draws {words}")))
+}
+
 /// Warns of values that no fit would take.
 fn warn_beyond(
     py: Python<'_>,
@@ -244,14 +252,15 @@ impl Study {
     /// value, or keeps them between two: {"wave_speed_m_s": 360.0, "leak_position_m": (50.0, 70.0)}; `start` says where
     /// the search starts. `method` is least-squares, global, micro-ga, global-local or stepwise; `starts` are random
     /// starts of least-squares, `budget` simulations of a global search, `steps` those of stepwise, `seed` that of all
-    /// random draws, `most_reaches` the finest grid. `threads` limits the cores; `progress` is a callable that takes a
+    /// random draws, `most_reaches` the finest grid. With `posterior` the joint posterior of the values is sampled until
+    /// each parameter has so many independent draws, as `Fit.sample` does. `threads` limits the cores; `progress` is a callable that takes a
     /// Progress, by default a bar of tqdm in a notebook, False for none.
     ///
     /// Raises Error: effects that do not exist or exclude each other, a parameter that the model does not have, a model
     /// that cannot be simulated.
     #[pyo3(signature = (
         effects = Effects::default(), *, hold = None, start = None, method = "least-squares", starts = None, budget = None, steps = None, seed = None,
-        most_reaches = None, threads = None, progress = None
+        most_reaches = None, posterior = None, threads = None, progress = None
     ))]
     #[allow(clippy::too_many_arguments)] // they are keywords
     fn calibrate<'py>(
@@ -266,11 +275,12 @@ impl Study {
         steps: Option<usize>,
         seed: Option<u64>,
         most_reaches: Option<usize>,
+        posterior: Option<usize>,
         threads: Option<usize>,
         progress: Option<Bound<'py, PyAny>>,
     ) -> PyResult<Fit> {
         let (effects, hold, start) = (effects.chosen(py)?, held(hold.as_ref())?, pairs(start.as_ref())?);
-        let most_reaches = reaches(most_reaches)?;
+        let (most_reaches, posterior) = (reaches(most_reaches)?, posterior.map(draws).transpose()?);
         let search = Search { method: self::method(method)?, starts, budget, steps, seed, start };
         let options = search.options(None).map_err(|error| refused(py, &error))?;
         search
@@ -285,11 +295,18 @@ impl Study {
             let models = [effects];
             let held = constraints(study.rig(), study.runs(), &models, &hold).concat();
             let options = Options { most_reaches, constraints: held, ..options };
-            let fit = study.calibrate(&models[0]).options(options).run()?;
+            let seed = options.seed;
+            let mut fit = study.calibrate(&models[0]).options(options).run()?;
             search.check(fit.parameters.iter().map(|p| p.name.as_str()))?;
+            if let Some(wanted) = posterior {
+                study.sample(&mut fit, wanted, seed)?;
+            }
             Ok(with_warnings(study, fit))
         })?;
-        Ok(Fit::new(fit, self.0.clone(), None, warnings))
+        match posterior {
+            Some(_) => Fit::sampled(py, fit, self.0.clone(), None, warnings),
+            None => Ok(Fit::new(fit, self.0.clone(), None, warnings)),
+        }
     }
 
     /// Fits a model and says what it lacks.

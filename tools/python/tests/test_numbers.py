@@ -108,6 +108,37 @@ def test_calibrate_gives_what_the_command_prints(document: Any) -> None:
     assert held.held and (held.value, held.low, held.high, held.standard_error) == (0.1, 0.1, 0.1, 0.0)
 
 
+@pytest.mark.night
+def test_a_posterior_is_the_commands(document: Any) -> None:
+    file = RECORDINGS / "hdpe-nothing-missing.mcap"
+    told = document("calibrate", file, "--effects", "viscoelastic-wall:2", "--most-reaches", 32, "--posterior", 100)
+    study = ss.Study([file])
+    fit = study.calibrate(["viscoelastic-wall:2"], most_reaches=32, posterior=100)
+    same(told["parameters"], fit.parameters)
+    sampled = fit.posterior
+    assert sampled is not None and sampled.converged == told["posterior"]["converged"]
+    assert sampled.r_hat.max() == told["posterior"]["r_hat"]
+    assert sampled.effective_draws.min() == told["posterior"]["effective_draws"] >= 100
+    assert sampled.draws.shape == (len(sampled.draws), len(sampled.names)) and len(sampled.draws) > 100
+    of = {(p["name"], p.get("run")): p for p in told["parameters"] if "posterior" in p}
+    assert list(of) == list(zip(sampled.names, sampled.runs, strict=True))
+    rows = zip(of.values(), sampled.draws.T, sampled.median, sampled.interval_95, strict=True)
+    for p, draws, median, interval in rows:
+        ends = [end if np.isfinite(end) else None for end in interval]
+        assert (median, ends) == (p["posterior"]["median"], p["posterior"]["interval_95"])
+        assert fit.parameters[p["name"]].doubt == p.get("doubt")
+        # The interval is of all draws, of which these are some: about 95 of 100 lie inside.
+        assert 0.85 < np.mean((interval[0] <= draws) & (draws <= interval[1])) <= 1.0
+
+    again = study.calibrate(["viscoelastic-wall:2"], most_reaches=32)
+    assert again.posterior is None
+    later = again.sample(100).posterior
+    assert later is not None and np.array_equal(later.draws, sampled.draws), "a fit sampled later has the same draws"
+    for asked in (99, 200_000):
+        with pytest.raises(ss.Error, match="from 100 to 100000"):
+            again.sample(asked)
+
+
 def test_several_runs_bounds_starts_and_methods_are_the_commands(document: Any, tmp_path: Path, program: Program) -> None:
     files = []
     for number, closing in enumerate((0.1, 0.3)):

@@ -12,6 +12,10 @@
 //! enters the weight. Most steps propose all anew, the others stay near (preconditioned Crank-Nicolson: Cotter,
 //! Roberts, Stuart & White 2013, Stat. Sci. 28, 424).
 //!
+//! Where a variable vanishes, such as the logarithm of a strength far down, it shows nothing, and its density is a plain
+//! that hardly any aim leads to. Whoever is there has a great weight and would stay. So after each step one variable
+//! moves alone, by any part of its range, as the density itself has it.
+//!
 //! Only one solution of each aim is found, the one to which Newton's steps lead from the fit: another basin that shows
 //! the same data is not drawn.
 
@@ -21,7 +25,8 @@ use rayon::prelude::*;
 use crate::fit::numeric::population::normal;
 use crate::fit::numeric::quantiles::Z_95;
 use crate::fit::numeric::thresholds::{
-    AIM_REACHED, LEAST_NORMAL_MOVE, LINES_PER_VARIABLE, MOST_CUT_STEPS, MOST_SOLVING_STEPS, WHOLE_MOVE_SHARE,
+    AIM_REACHED, LEAST_NORMAL_MOVE, LEAST_PART_ALONE, LINES_PER_VARIABLE, MOST_CUT_STEPS, MOST_SOLVING_STEPS,
+    WHOLE_MOVE_SHARE,
 };
 
 /// What the variables show.
@@ -30,6 +35,12 @@ pub(crate) struct Shown {
     pub(crate) data: DVector<f64>,
     /// What else lowers the logarithm of the density.
     pub(crate) rest: f64,
+}
+
+impl Shown {
+    fn log_density(&self) -> f64 {
+        -0.5 * self.data.norm_squared() - self.rest
+    }
 }
 
 /// A density that whitened data give.
@@ -180,7 +191,7 @@ impl Parts {
         let beyond = shown.data.norm_squared() - aim.norm_squared();
         let straight = (&self.beyond + &self.beyond_by_given * &given).norm_squared();
         let log_weight = 0.5 * (straight - beyond) - shown.rest - log_slope;
-        log_weight.is_finite().then_some(Place { x, given, aim, log_weight })
+        log_weight.is_finite().then_some(Place { x, given, aim, log_density: shown.log_density(), log_weight })
     }
 }
 
@@ -213,6 +224,7 @@ struct Place {
     given: DVector<f64>,
     /// Of the data that are aimed at.
     aim: DVector<f64>,
+    log_density: f64,
     log_weight: f64,
 }
 
@@ -273,7 +285,27 @@ impl Chain {
                 self.moves += 1;
             }
         }
+        self.step_alone(density, parts);
         self.path.push(self.at.as_ref().map_or_else(|| parts.centre.clone(), |at| at.x.clone()));
+    }
+
+    /// Moves one variable alone.
+    fn step_alone(&mut self, density: &impl Density, parts: &Parts) {
+        let Some(at) = &self.at else { return };
+        let a = self.random.usize(..at.x.len());
+        let (lower, upper) = parts.bounds[a];
+        let by = (upper - lower) * LEAST_PART_ALONE.powf(self.random.f64()) * normal(&mut self.random);
+        let mut x = at.x.clone();
+        x[a] += by;
+        if !(lower..=upper).contains(&x[a]) {
+            return;
+        }
+        let Some(shown) = density.shown(&x) else { return };
+        if self.random.f64().ln() < shown.log_density() - at.log_density {
+            let given = parts.given.iter().map(|&a| x[a] - parts.centre[a]);
+            let given = DVector::from_iterator(parts.given.len(), given);
+            self.at = parts.place(density, x, shown, given).or(self.at.take());
+        }
     }
 }
 
@@ -395,6 +427,29 @@ mod tests {
             let found = values[(share * values.len() as f64) as usize];
             let known = exact.inverse_cdf(1.0 - above * (1.0 - share));
             assert!((found - known).abs() < 0.05, "{share}: {found} {known}");
+        }
+    }
+
+    /// The logarithm of a strength whose best value is two standard errors from none: below it the density is a plain
+    /// of `exp(-2)` down to the bound, with half of all draws. Shares by Simpson's rule.
+    #[test]
+    fn a_strength_that_may_vanish_is_drawn_where_it_has_vanished() {
+        let data = |x: f64| (x.exp() - 1.0) / 0.5;
+        let density = Made(|x: &[f64]| vec![data(x[0])], |_: &[f64]| 0.0);
+        let (least, most) = (-8.0, 2.0);
+        let draws = drawn(&density, &[0.0], &[(least, most)], 4000);
+        let (values, convergence) = &draws[0];
+        let mass = |from: f64, to: f64| {
+            let n = 2000;
+            let at = |i: i32| (-0.5 * data(from + (to - from) * f64::from(i) / f64::from(n)).powi(2)).exp();
+            let weight = |i: i32| if i == 0 || i == n { 1.0 } else { f64::from(2 + 2 * (i % 2)) };
+            (0..=n).map(|i| weight(i) * at(i)).sum::<f64>() * (to - from) / f64::from(3 * n)
+        };
+        assert!(convergence.r_hat < 1.02 && convergence.effective_draws > 500.0, "{convergence:?}");
+        for end in [-6.0, -3.0, -0.5] {
+            let found = values.partition_point(|v| *v < end) as f64 / values.len() as f64;
+            let known = mass(least, end) / mass(least, most);
+            assert!((found - known).abs() < 0.05, "below {end}: {found} {known}");
         }
     }
 

@@ -59,6 +59,9 @@ pub(crate) const WHOLE_MOVE_SHARE: f64 = 0.8;
 /// Shortest random step of the others, in standard deviations; the longest is one, and their logarithms are even.
 /// Chosen.
 pub(crate) const LEAST_NORMAL_MOVE: f64 = 0.2;
+/// Least part of its range by which a variable moves alone, in standard deviations of the step; the most is all of it,
+/// and their logarithms are even. Chosen.
+pub(crate) const LEAST_PART_ALONE: f64 = 0.01;
 /// Random lines along which given variables are drawn anew, for each of them. Chosen.
 pub(crate) const LINES_PER_VARIABLE: usize = 10;
 /// Distance from the data aimed at that counts as reached, in standard deviations. Chosen: it moves no quantile that a

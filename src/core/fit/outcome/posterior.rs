@@ -1,5 +1,10 @@
 //! What a sampler shows of a fit's values: their joint distribution, given the recordings and what was known before.
 
+use std::ops::RangeInclusive;
+
+/// Independent draws that may be asked for: so many show both ends of an interval, and no computer needs more.
+pub const WANTED: RangeInclusive<usize> = 100..=100_000;
+
 /// The posterior of one parameter.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Marginal {

@@ -96,7 +96,7 @@ pub fn sample(
         fit.parameters[j].posterior = Some(marginal);
     }
     let (chains, sweeps) = (draws.chains[0].len(), draws.chains[0][0].len());
-    let every = (chains * sweeps).div_ceil(KEPT_DRAWS);
+    let every = (chains * sweeps).div_ceil(KEPT_DRAWS.max(wanted));
     let one = |i: usize| (0..of.len()).map(|a| to_value(a, draws.chains[a][i % chains][i / chains])).collect();
     fit.posterior = Some(Posterior {
         converged: met,
@@ -150,18 +150,19 @@ impl Draws {
 fn draw(likelihood: &Likelihood, wanted: usize, seed: u64, progress: &OnProgress<'_>) -> Option<Draws> {
     let mut all = Chains::new(likelihood, &likelihood.centre(), &likelihood.bounds(), CHAINS, seed)?;
     let most = (MOVES_PER_DRAW * wanted).div_ceil(CHAINS).max(FIRST_SWEEPS);
-    let (mut sweeps, mut until) = (0, FIRST_SWEEPS);
+    let (mut sweeps, mut until, mut so_far) = (0, FIRST_SWEEPS, String::new());
     loop {
         while sweeps < until {
             all.step();
             sweeps += 1;
             let simulations = likelihood.simulations.load(Ordering::Relaxed);
-            progress(&Progress::from(format!("posterior: {simulations} simulations").as_str()));
+            progress(&Progress::from(format!("posterior: {simulations} simulations{so_far}").as_str()));
         }
         let draws = Draws::of(&all.chains);
         if sweeps >= most || draws.met(wanted) || stop::check().is_err() {
             return Some(draws);
         }
+        so_far = format!(", {:.0} of {wanted} independent draws", draws.effective_draws().min(wanted as f64));
         until = ((sweeps as f64 * SWEEPS_GROWTH) as usize).min(most);
     }
 }

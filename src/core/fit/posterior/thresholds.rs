@@ -11,10 +11,10 @@ pub(crate) const R_HAT_SCATTER: f64 = 21.7;
 /// Steps before the chains are first looked at. Chosen.
 pub(crate) const FIRST_SWEEPS: usize = 30;
 /// Growth of their number from one look to the next. Chosen.
-pub(crate) const SWEEPS_GROWTH: f64 = 1.5;
+pub(crate) const SWEEPS_GROWTH: f64 = 1.25;
 /// Steps at most, for each effective draw that is asked for. Chosen: several times what bounds and a bent valley took.
 pub(crate) const MOVES_PER_DRAW: usize = 100;
-/// Draws that a fit keeps. Chosen: as many as a chart shows.
+/// Draws that a fit keeps, or as many as were asked for where those are more. Chosen: as many as a chart shows.
 pub(crate) const KEPT_DRAWS: usize = 1000;
 /// Density at a bound, as a share of the highest, from which on the bound belongs to the interval. Derived:
 /// `exp(-3.84/2)`, where a profile's interval ends.
