@@ -1,7 +1,7 @@
-//! Recordings with one effect hidden, or a pair, from a scheme that shares nothing with the program: what `diagnose` is
+//! Recordings with one effect hidden, or two or three, from a scheme that shares nothing with the program: what `diagnose` is
 //! tried on.
 //!
-//! `cargo run --release -p surgescope-tools --bin hidden_effects -- SEED COUNT FOLDER [KIND,KIND…] [--coloured] [--hum] [--wrong-rig] [--pairs]
+//! `cargo run --release -p surgescope-tools --bin hidden_effects -- SEED COUNT FOLDER [KIND,KIND…] [--coloured] [--hum] [--wrong-rig] [--pairs|--triples]
 //! [--plastic]` writes folders with `rig.toml`, `run.csv`, sometimes `run2.csv`, and `answers.json` beside them, as `tools/blind.py` reads them.
 //! The same seed gives the same files.
 //! Kinds of `forcing` (`forcings` for all of them) are what no effect of the catalogue is: the answers have their place
@@ -22,7 +22,7 @@ use std::path::Path;
 use rayon::prelude::*;
 use serde_json::{Map, json};
 
-const FLAGS: [&str; 5] = ["--coloured", "--hum", "--wrong-rig", "--pairs", "--plastic"];
+const FLAGS: [&str; 6] = ["--coloured", "--hum", "--wrong-rig", "--pairs", "--triples", "--plastic"];
 
 fn main() -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -44,7 +44,7 @@ fn main() -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
     if let Some(unknown) = flags.iter().find(|f| !FLAGS.contains(&f.as_str())) {
         return Err(format!("there is no {unknown}; known: {}", FLAGS.join(", ")).into());
     }
-    let (pairs, plastic) = (has("--pairs"), has("--plastic"));
+    let together = if has("--triples") { 3 } else { 1 + usize::from(has("--pairs")) };
     let lab = record::Lab { coloured: has("--coloured"), hum: has("--hum"), wrong_rig: has("--wrong-rig") };
     let folder = Path::new(folder);
     let cases: Vec<(String, serde_json::Value)> = (0..count)
@@ -52,13 +52,15 @@ fn main() -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
         .map(|i| {
             let name = format!("case-{:03}", i + 1);
             let mut random = fastrand::Rng::with_seed(seed * 1_000_003 + i);
-            let pick = |random: &mut fastrand::Rng, from: Vec<&'static str>| from[random.usize(..from.len())];
-            let kind =
-                if pairs { pick(&mut random, rig::paired().collect()) } else { drawn[i as usize % drawn.len()] };
-            let second = pairs.then(|| pick(&mut random, rig::paired().filter(|other| *other != kind).collect()));
-            let case = rig::draw(&mut random, kind, second, plastic, &name);
+            let mut kinds = Vec::new();
+            while together > 1 && kinds.len() < together {
+                let left: Vec<_> = rig::together().filter(|kind| !kinds.contains(kind)).collect();
+                kinds.push(left[random.usize(..left.len())]);
+            }
+            let (kind, others) = kinds.split_first().unwrap_or((&drawn[i as usize % drawn.len()], &[]));
+            let case = rig::draw(&mut random, kind, others, has("--plastic"), &name);
             record::write(&folder.join(&name), &case, &mut random, lab)?;
-            let effects: Vec<_> = [kind].into_iter().filter(|k| *k != "nothing").chain(second).collect();
+            let effects: Vec<_> = [kind].into_iter().filter(|k| **k != "nothing").chain(others).collect();
             let truth = truth::of(&case, &folder.join(&name))?;
             Ok((
                 name,

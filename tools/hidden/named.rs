@@ -33,7 +33,7 @@ fn named(case: &Case, random: &mut fastrand::Rng) -> (&'static str, f64) {
 #[test]
 fn a_wall_that_moves_is_named() {
     let mut random = fastrand::Rng::with_seed(2581 * 1_000_003 + 1);
-    let mut case = draw(&mut random, "fluid-structure", None, false, "wall");
+    let mut case = draw(&mut random, "fluid-structure", &[], false, "wall");
     // A few cycles are enough to tell it from its rivals.
     case.duration_s *= 0.2;
     let (effect, over_noise) = named(&case, &mut random);
@@ -45,7 +45,7 @@ fn a_wall_that_moves_is_named() {
 #[test]
 fn cavities_are_named_and_followed() {
     let mut random = fastrand::Rng::with_seed(1581 * 1_000_003 + 3);
-    let mut case = draw(&mut random, "vapour-cavity", None, false, "cavities");
+    let mut case = draw(&mut random, "vapour-cavity", &[], false, "cavities");
     case.duration_s *= 0.25;
     let (effect, over_noise) = named(&case, &mut random);
     assert_eq!(effect, "vapour-cavity");
@@ -66,7 +66,7 @@ fn short_pipe(kind: &'static str, valve_head_m: f64) -> Case {
         sensors_m: vec![50.0, 21.0],
         friction: Some(0.03),
         unsteady_friction: false,
-        ..draw(&mut fastrand::Rng::with_seed(1), kind, None, false, "short")
+        ..draw(&mut fastrand::Rng::with_seed(1), kind, &[], false, "short")
     }
 }
 

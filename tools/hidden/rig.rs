@@ -26,12 +26,12 @@ pub const KINDS: [&str; 20] = [
     "fluid-structure",
 ];
 
-/// What is in no pair: it changes the rig or the start model, or is no effect.
+/// What is never hidden with others: it changes the rig or the start model, or is no effect.
 const ALONE: [&str; 6] =
     ["nothing", "unknown", "viscoelastic-wall", "unsteady-friction", "vapour-cavity", "fluid-structure"];
 
-/// What may be one of a pair.
-pub fn paired() -> impl Iterator<Item = &'static str> {
+/// What may be hidden with others.
+pub fn together() -> impl Iterator<Item = &'static str> {
     KINDS.into_iter().filter(|kind| !ALONE.contains(kind))
 }
 
@@ -46,7 +46,7 @@ pub enum Hidden {
     Bent(usize, f64),
     Creep,
     UnsteadyFriction,
-    Gas(f64),
+    Gas(f64, f64),
     Cavity,
     /// Place, flow under the head there before the closure m³/s.
     Leak(f64, f64),
@@ -142,11 +142,11 @@ impl Case {
 /// Inner diameters of the rigs.
 const DIAMETERS_M: [f64; 8] = [0.014, 0.016, 0.0221, 0.032, 0.0506, 0.0662, 0.0933, 0.15];
 
-/// A case with an effect of this kind, and perhaps a second one of [`paired`]; in plastic, where `always_plastic`.
+/// A case with an effect of this kind, and perhaps `others` of [`together`]; in plastic, where `always_plastic`.
 pub fn draw(
     random: &mut fastrand::Rng,
     kind: &'static str,
-    second: Option<&'static str>,
+    others: &[&'static str],
     always_plastic: bool,
     name: &str,
 ) -> Case {
@@ -210,7 +210,10 @@ pub fn draw(
         },
         "viscoelastic-wall" => Hidden::Creep,
         "unsteady-friction" => Hidden::UnsteadyFriction,
-        "entrained-gas" => Hidden::Gas(log(random, 1e-6, 1e-4) * if plastic { 10.0 } else { 1.0 }),
+        // Bubbles of 0.1 to 1 mm exchange their heat in 0.1 to 10 ms.
+        "entrained-gas" => {
+            Hidden::Gas(log(random, 1e-6, 1e-4) * if plastic { 10.0 } else { 1.0 }, log(random, 1e-4, 1e-2))
+        }
         "vapour-cavity" => Hidden::Cavity,
         "leak" => Hidden::Leak(place_m, flow_m3_s * log(random, 0.01, 0.08)),
         "blockage" => Hidden::Blockage(place_m, joukowsky_m * log(random, 0.03, 0.15)),
@@ -252,10 +255,10 @@ pub fn draw(
     if kind != "nothing" && !is_forced {
         hidden.push(hide(random, kind, place_m, which, sign));
     }
-    if let Some(second) = second {
+    for other in others {
         let place_m = length_m * between(random, 0.15, 0.85);
         let (which, sign) = (random.usize(..sensors), if random.bool() { 1.0 } else { -1.0 });
-        hidden.push(hide(random, second, place_m, which, sign));
+        hidden.push(hide(random, other, place_m, which, sign));
     }
     let cycles = if plastic { 30.0 } else { 20.0 };
     let cavity = kind == "vapour-cavity";

@@ -33,6 +33,7 @@ struct Line {
     strains: Vec<Vec<f64>>,
     kernel: Vec<Vec<f64>>,
     cavity_m3: Vec<f64>,
+    gas_m3: Vec<f64>,
 }
 
 /// The wall: speed `u` at the faces and stress as a head `s` at the nodes, leapfrogging beside flow and head; the end
@@ -236,18 +237,15 @@ pub fn solve_on(case: &Case, velocity_m_s: f64, duration_s: f64, nodes: usize) -
     }
     let leak_k = if leak_at > 0 { leak_flow / head[leak_at].sqrt() } else { 0.0 };
     let cells_m = step_m.clone();
-    let gas_of = move |hidden: &Hidden, at: usize, h: f64| match *hidden {
-        Hidden::Gas(fraction) => {
-            let own = 0.5 * (cells_m[at.min(nodes - 1)] + cells_m[at.max(1) - 1]) * area;
-            fraction * own * ATMOSPHERE_M / (h + ATMOSPHERE_M).max(0.05)
-        }
-        Hidden::Air(volume) if at == nodes => {
-            volume * ((case.valve_head_m + ATMOSPHERE_M) / (h + ATMOSPHERE_M).max(0.05)).powf(1.0 / 1.2)
-        }
-        _ => 0.0,
+    let spread = case.find(|h| if let Hidden::Gas(fraction, lag_s) = *h { Some((fraction, lag_s)) } else { None });
+    let (gas_fraction, gas_lag_s) = spread.unwrap_or_default();
+    let gas = |at: usize, h: f64| {
+        let own = 0.5 * (cells_m[at.min(nodes - 1)] + cells_m[at.max(1) - 1]) * area;
+        gas_fraction * own * ATMOSPHERE_M / (h + ATMOSPHERE_M).max(0.05)
     };
-    let gas = move |at: usize, h: f64| case.hidden.iter().map(|hidden| gas_of(hidden, at, h)).sum::<f64>();
-    let gassy = case.hidden.iter().any(|hidden| matches!(hidden, Hidden::Gas(_)));
+    let air_m3 = case.find(|h| if let Hidden::Air(volume) = *h { Some(volume) } else { None }).unwrap_or(0.0);
+    let air = |h: f64| air_m3 * ((case.valve_head_m + ATMOSPHERE_M) / (h + ATMOSPHERE_M).max(0.05)).powf(1.0 / 1.2);
+    let gassy = spread.is_some();
     let steady = head.clone();
     let branch = |h: &Hidden| match *h {
         Hidden::Branch(x, length) => {
@@ -286,6 +284,7 @@ pub fn solve_on(case: &Case, velocity_m_s: f64, duration_s: f64, nodes: usize) -
         strains: vec![vec![0.0; creep.len()]; nodes + 1],
         kernel: vec![vec![0.0; roots.len()]; nodes],
         cavity_m3: vec![0.0; nodes + 1],
+        gas_m3: (0..=nodes).map(|i| gas(i, steady[i])).collect(),
         step_m,
         speed_m_s,
         head_m: head,
@@ -450,7 +449,8 @@ pub fn solve_on(case: &Case, velocity_m_s: f64, duration_s: f64, nodes: usize) -
                     area * (moved - 2.0 * wall.poisson * (right - u[i - 1]))
                 }
             };
-            let old_gas = gas(i, old);
+            let old_gas = line.gas_m3[i];
+            let new_gas = |h: f64| old_gas + dt / (gas_lag_s + dt) * (gas(i, h) - old_gas);
             // Share of the way that a cavity goes in a step towards the volume that belongs to the new head, and what it
             // leaves where that is none.
             let way = dt / (CONDENSING_S + dt);
@@ -461,13 +461,13 @@ pub fn solve_on(case: &Case, velocity_m_s: f64, duration_s: f64, nodes: usize) -
                 if end {
                     let open = opening(t + 0.5 * dt);
                     out += (open + touched) * through(mid);
-                    out += area * mean_rate(mid);
+                    out += area * mean_rate(mid) + (air(old) - air(h)) / dt;
                 }
                 if leak_k > 0.0 && i == leak_at {
                     out += leak_k * mid.abs().sqrt() * mid.signum();
                 }
                 out += relieved(mid) + taken(h);
-                line.cavity_m3[i] - left + (store + branch_store) * (h - old) + old_gas - gas(i, h)
+                line.cavity_m3[i] - left + (store + branch_store) * (h - old) + old_gas - new_gas(h)
                     + 2.0 * area * own * (known + grows * (h - rest) + strained(h) - old_strain)
                     - dt * (inflow - out)
             };
@@ -513,6 +513,7 @@ pub fn solve_on(case: &Case, velocity_m_s: f64, duration_s: f64, nodes: usize) -
             }
             let mid = 0.5 * (h + old);
             of_step += relieved(mid) - fed + if end { touched * through(mid) + strained(h) } else { 0.0 };
+            line.gas_m3[i] = new_gas(h);
             line.head_m[i] = h;
         }
         if let Some(wall) = &mut wall {

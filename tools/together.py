@@ -1,10 +1,10 @@
-"""Diagnose recordings with two effects hidden at once until nothing is missing, and count.
+"""Diagnose recordings with two or three effects hidden at once until nothing is missing, and count.
 
-pairs.py PROGRAM FOLDER COUNT: a table of docs/src/measured/reliability.md
+together.py PROGRAM FOLDER COUNT: tables of docs/src/measured/reliability.md
 
-FOLDER as `hidden_effects SEED N FOLDER --pairs` writes it. A pair counts where each effect can be seen beside the other: fitted with only one of
-the two, the model leaves SEEN times the noise. The first COUNT such pairs are taken. Answers are kept in FOLDER/pairs.jsonl, so that a run
-that is cut off goes on."""
+FOLDER as `hidden_effects SEED N FOLDER --pairs` or `--triples` writes it. A recording counts where each effect can be seen beside the others:
+fitted without it, the model leaves SEEN times the noise. The first COUNT such recordings are taken. Answers are kept in
+FOLDER/together.jsonl, so that a run that is cut off goes on."""
 import json
 import subprocess
 import sys
@@ -32,12 +32,11 @@ def left(program, recordings, effects):
 
 def said_of(program, recordings, answer):
     start = answer["start_effects"]
-    one, other = answer["hidden"]["effects"]
-    seen = left(program, recordings, [*start, one])
-    if seen >= SEEN:
-        seen = min(seen, left(program, recordings, [*start, other]))
-    if seen < SEEN:
-        return {"seen": seen}
+    hidden = answer["hidden"]["effects"]
+    for lacking in hidden:
+        seen = left(program, recordings, [*start, *(e for e in hidden if e != lacking)])
+        if seen < SEEN:
+            return {"seen": seen}
     began = time.time()
     run = subprocess.run([program, "diagnose", *recordings, "--effects", ",".join(start) or "none", "--until-done", "--json"],
                          capture_output=True, text=True)
@@ -50,7 +49,7 @@ def said_of(program, recordings, answer):
 
 
 program, folder, count = sys.argv[1], Path(sys.argv[2]), int(sys.argv[3])
-kept = folder / "pairs.jsonl"
+kept = folder / "together.jsonl"
 said = [json.loads(line) for line in kept.read_text().splitlines()] if kept.exists() else []
 known = {s["case"] for s in said}
 with tempfile.TemporaryDirectory() as work, kept.open("a") as out:
@@ -62,7 +61,8 @@ with tempfile.TemporaryDirectory() as work, kept.open("a") as out:
         print(json.dumps(said[-1]), file=out, flush=True)
 
 taken = [s for s in said if "added" in s or "error" in s]
-tally = {"both, nothing else": 0, "one, nothing else": 0, "none": 0, "one that is not there": 0, "refused": 0}
+ALL, SOME = "all, nothing else", "some, nothing else"
+tally = {ALL: 0, SOME: 0, "none": 0, "one that is not there": 0, "refused": 0}
 print("| hidden | added | error over noise | verdict on the rest |")
 print("| --- | --- | --- | --- |")
 for s in taken:
@@ -72,10 +72,10 @@ for s in taken:
         continue
     right = [e for e in s["added"] if e in s["hidden"]]
     verdict = ("one that is not there" if len(right) < len(s["added"]) else
-               ["none", "one, nothing else", "both, nothing else"][len(right)])
+               ALL if len(right) == len(s["hidden"]) else SOME if right else "none")
     tally[verdict] += 1
-    if verdict != "both, nothing else":
+    if verdict != ALL:
         print(f"| {', '.join(s['hidden'])} | {', '.join(s['added']) or 'none'} | {s['over_noise']:.2f} | {s['verdict']} |")
 seconds = sorted(s["s"] for s in taken if "s" in s)
-print(f"\n{len(taken)} pairs: " + "; ".join(f"{name} {n}" for name, n in tally.items())
+print(f"\n{len(taken)} recordings: " + "; ".join(f"{name} {n}" for name, n in tally.items())
       + f". {seconds[len(seconds) // 2]:.1f} s median, {seconds[-1]:.1f} s worst.")
