@@ -17,7 +17,7 @@ use surgescope::rig::{Coupling, Rig, SensorKind};
 use surgescope::signal::inspect;
 use surgescope::units::GRAVITY_M_S2;
 
-use crate::common::{CREEP, done, here};
+use crate::common::{CREEP, done, here, printed, run, text};
 
 fn run_of(recording: &Recording) -> RunData {
     prepare("run", &recording.rig, recording, &inspect(recording).unwrap())
@@ -354,4 +354,33 @@ fn a_model_that_contains_another_ends_no_worse() {
     }
     let (one, both) = (rmse_m("blockage"), rmse_m("clock-skew@P3,blockage"));
     assert!(both < 1.001 * one, "{both} m, {one} m without clock-skew");
+}
+
+/// Much gas, whose waves steepen. From the signals a fit ends at many times the noise, where the gas follows far too
+/// late; from the model without gas a way leads on.
+#[test]
+fn much_gas_is_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let (rig, record) = (folder.path().join("rig.toml"), folder.path().join("run.mcap"));
+    let sensors = [("P1", 45.31), ("P2", 33.28), ("P3", 11.72)].map(|(name, at_m)| {
+        format!("[[sensor]]\nname = \"{name}\"\nkind = \"pressure\"\nposition_m = {at_m}\nunit = \"kPa\"\n")
+    });
+    let pipe = "name = \"steel\"\n[fluid]\nname = \"water\"\ntemperature_degC = 19.0\n[[pipe]]\nname = \"main\"\n\
+                length_m = 45.31\ninner_diameter_mm = 32.0\nwall_thickness_mm = 1.92\nmaterial = \"steel\"\n\
+                [upstream]\nkind = \"reservoir\"\n[downstream]\nkind = \"valve\"\nclosing_time_s = 0.026\n";
+    std::fs::write(&rig, pipe.to_owned() + &sensors.concat()).unwrap();
+    let truth = [
+        "gas_fraction=3.26e-5",
+        "gas_lag_s=2e-5",
+        "wave_speed_m_s=1206.36",
+        "initial_velocity_m_s=0.3067",
+        "valve_head_m=48.09",
+        "closing_time_s=0.0212",
+    ];
+    let made =
+        ["simulate", "--rig", text(&rig), "--effects", "entrained-gas", "--seed", "1", "-o", text(&record), "--set"];
+    printed(run(&[&made[..], &truth].concat()));
+    let fit = done(&["calibrate", text(&record), "--effects", "entrained-gas", "--most-reaches", "64"]);
+    let over_noise = fit["rmse_m"].as_f64().unwrap() / fit["noise_m"].as_f64().unwrap();
+    assert!(over_noise < 2.0, "{over_noise}");
 }

@@ -3,7 +3,7 @@
 use crate::diagnose::baseline::Baseline;
 use crate::diagnose::candidate::{Form, base_name, left_out};
 use crate::diagnose::evidence::tempered;
-use crate::diagnose::limits::{AS_FAST, RIG_FILE_IS_WRONG, UNEXPLAINED_OVER_NOISE};
+use crate::diagnose::limits::{AS_FAST, RIG_FILE_IS_WRONG};
 use crate::diagnose::models::Search;
 use crate::diagnose::next::{Answer, in_words};
 use crate::diagnose::outcome::{Candidate, Diagnosis, Pair, RivalPair, Verdict};
@@ -20,6 +20,7 @@ use crate::fit::problem::error::FitError;
 use crate::fit::problem::fit_problem::{FitProblem, Window};
 use crate::fit::progress::Progress;
 use crate::fit::search::calibrate::Fitter;
+use crate::fit::search::thresholds::DOUBTFUL_ABOVE;
 use crate::fit::validate::held_out::held_out_m;
 use crate::model::Model;
 use crate::rig::Rig;
@@ -39,7 +40,7 @@ pub(crate) fn diagnosis(search: &Search, state: &[&'static str], is_held: bool) 
     // No effect makes a wave faster. Where the record shows one that the pipe of the rig file cannot have, an answer
     // that follows it all the same, or that explains nothing, makes up for a wrong length, wall or material.
     let answered = pair.as_ref().map(|p| &p.fit).or(candidates.first().and_then(|c| c.fit.as_ref()));
-    let astray = |fit: &Fit| fit.over_noise() > UNEXPLAINED_OVER_NOISE || follows_too_fast(rig, runs, fit);
+    let astray = |fit: &Fit| fit.over_noise() > DOUBTFUL_ABOVE || follows_too_fast(rig, runs, fit);
     let rig_file_is_wrong =
         verdict != Verdict::NothingMissing && shows_too_fast(rig, runs) && answered.is_none_or(astray);
     if rig_file_is_wrong {

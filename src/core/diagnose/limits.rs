@@ -49,16 +49,11 @@ pub(crate) const REFINED_EFFECTS: usize = 6;
 
 // ---- Full fits -----------------------------------------------------------------------------------------------------
 
-/// Most candidates that each stage fits to all samples on the fine grid. Cost, and tuned: data unknown.
-pub(crate) const FULL_FITS: usize = 3;
 /// A candidate that leaves this many times the best candidate's square gets no full fit. Cost, and tuned: data unknown.
 pub(crate) const NO_FULL_FIT_ABOVE: f64 = 4.0;
 /// A candidate that leaves less than this many times the best candidate's square is fitted until it converges. Cost,
 /// and tuned: data unknown.
 pub(crate) const CONVERGE_BELOW: f64 = 1.2;
-/// Error over noise below which a forecast is accurate: an effect that it does not promise will not appear. Tuned: data
-/// unknown.
-pub(crate) const QUIET: f64 = 1.2;
 
 /// Most effects that one diagnosis finds missing. Cost: a further diagnosis finds more.
 pub(crate) const MOST_MISSING: usize = 2;
@@ -94,18 +89,14 @@ pub const NEGLIGIBLE_EVIDENCE: f64 = -16.0;
 
 // ---- Verdict -------------------------------------------------------------------------------------------------------
 
-/// Error over noise up to which a residual may be noise. Tuned: data unknown.
-pub(crate) const NOISE_LIKE: f64 = 1.3;
 /// An effect that leaves more than this share of the start model's square beyond the noise, and more than
-/// [`UNEXPLAINED_OVER_NOISE`], does not explain it. Tuned: data unknown.
+/// `DOUBTFUL_ABOVE`, does not explain it. Tuned: data unknown.
 pub(crate) const UNEXPLAINED_SHARE: f64 = 0.35;
-/// See [`UNEXPLAINED_SHARE`]: error over noise. Tuned: data unknown.
-pub(crate) const UNEXPLAINED_OVER_NOISE: f64 = 2.5;
 /// How fast the probability of something outside the catalogue rises with the logarithm of the error around
-/// [`NOISE_LIKE`], if no effect explains any of it. Tuned on recordings of `tools/hidden` of one seed;
+/// `NOISE_LIKE`, if no effect explains any of it. Tuned on recordings of `tools/hidden` of one seed;
 /// `tools/reliability.py` counts it on other seeds.
 pub(crate) const STEEPNESS_UNEXPLAINED: f64 = 20.0;
-/// The same around [`UNEXPLAINED_OVER_NOISE`], if an effect explains some of it. Tuned on the same recordings.
+/// The same around `DOUBTFUL_ABOVE`, if an effect explains some of it. Tuned on the same recordings.
 pub(crate) const STEEPNESS: f64 = 4.0;
 /// A model whose error of prediction is this many times the start model's has learned nothing of use. Tuned: data
 /// unknown.

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use crate::diagnose::baseline::Baseline;
 use crate::diagnose::candidate::{Form, base_name, reason_apart};
 use crate::diagnose::evidence::{EvidenceScale, tempered};
-use crate::diagnose::limits::{FULL_FITS, LEAST_FORECAST, NO_FULL_FIT_ABOVE};
+use crate::diagnose::limits::{LEAST_FORECAST, NO_FULL_FIT_ABOVE};
 use crate::diagnose::measures::{beyond, fall, square};
 use crate::diagnose::met::{Forecast, Key, Met};
 use crate::diagnose::models::Search;
@@ -18,6 +18,7 @@ use crate::fit::progress::Progress;
 use crate::fit::search::calibrate::Begin;
 use crate::fit::search::from_signals::{CoarseFit, fit_coarsely};
 use crate::fit::search::options::Effort;
+use crate::fit::search::thresholds::LEADING;
 use crate::model::effects::{Chosen, SHOWN, labels_of};
 
 impl Search<'_> {
@@ -107,7 +108,7 @@ impl Search<'_> {
             let evident = tempered(f.evidence) > STRONG_EVIDENCE || tempered(best - f.evidence) < STRONG_EVIDENCE;
             evident && f.square < most && fall(self.start, known, f.square) > least
         };
-        let leading: Vec<usize> = order.into_iter().filter(may_win).take(FULL_FITS).map(|(i, _)| i).collect();
+        let leading: Vec<usize> = order.into_iter().filter(may_win).take(LEADING).map(|(i, _)| i).collect();
         self.fit_forecasts(&leading);
     }
 
@@ -144,7 +145,7 @@ impl Search<'_> {
         order.sort_by(|&a, &b| self.met[a].square().total_cmp(&self.met[b].square()));
         let most = NO_FULL_FIT_ABOVE * order.first().map_or(0.0, |&i| self.met[i].square());
         order.retain(|&i| self.met[i].square() < most && !self.met[i].is_from_signals);
-        order.truncate(FULL_FITS);
+        order.truncate(LEADING);
         let this = &*self;
         let fits: Vec<(usize, Option<Fit>)> = order
             .par_iter()
@@ -180,7 +181,7 @@ impl Search<'_> {
         coarse.sort_by(|a, b| a.square.total_cmp(&b.square));
         let most = NO_FULL_FIT_ABOVE * coarse.first().map_or(0.0, |f| f.square);
         coarse.retain(|f| f.square <= most);
-        coarse.truncate(FULL_FITS);
+        coarse.truncate(LEADING);
         let which: Vec<usize> = coarse
             .into_iter()
             .map(|f| {

@@ -9,7 +9,7 @@ use crate::diagnose::candidate::Form;
 use crate::diagnose::limits::{FEW_PLACES, FORECAST_RANGE, STRENGTHS};
 use crate::fit::numeric::least_squares::{Problem, Solution, have_met, minimise};
 use crate::fit::problem::fit_problem::FitProblem;
-use crate::fit::search::thresholds::{COARSE, FOLLOWED, MAX_RELEASED, SCREENING, STEP_SHARES};
+use crate::fit::search::thresholds::{COARSE, FOLLOWED, LEADING, SCREENING, STEP_SHARES};
 use crate::model::effects::Chosen;
 use crate::model::parameter::{Parameter, Scale};
 use crate::model::{Model, ModelError};
@@ -45,7 +45,7 @@ pub fn screen(baseline: &Baseline, form: &Form) -> Result<Refit, ModelError> {
     let added = Added::new(baseline, &problem, &model);
     let mut failure = None;
     let mut screened: Vec<Solution> = Vec::new();
-    for start in promising(baseline, &model, &problem, &form.chosen)?.iter().take(MAX_RELEASED) {
+    for start in promising(baseline, &model, &problem, &form.chosen)?.iter().take(LEADING) {
         match minimise(&added, &problem.variables(&baseline.values_with(start))[added.range()], SCREENING, |_, _| {}) {
             Ok(solution) => screened.push(solution),
             Err(error) => failure = Some(error),

@@ -1,8 +1,9 @@
 //! Where a model fails, in words: for each sensor its peaks, phase, mean level and cycles.
 
-use crate::diagnose::limits::{DESCRIBED_EXTREMA, LATENESS_ERRORS, LEAST_PHASES, QUIET};
+use crate::diagnose::limits::{DESCRIBED_EXTREMA, LATENESS_ERRORS, LEAST_PHASES};
 use crate::fit::outcome::fit::{Fit, SensorFit};
 use crate::fit::problem::compare::{ExtremumError, rmse};
+use crate::fit::search::thresholds::NOISE_LIKE;
 use crate::number::{error_m, significant, times};
 
 /// How a model fails at one sensor.
@@ -46,7 +47,7 @@ pub fn residual_patterns(fit: &Fit) -> Vec<Pattern> {
     for (r, run) in fit.runs.iter().enumerate() {
         let prefix = if fit.runs.len() > 1 { format!("{}, ", run.file) } else { String::new() };
         for (s, sensor) in run.sensors.iter().enumerate() {
-            if sensor.rmse_m > QUIET * sensor.noise_m || before(sensor).is_some() {
+            if sensor.rmse_m > NOISE_LIKE * sensor.noise_m || before(sensor).is_some() {
                 let worst = worst(sensor);
                 let (rmse, over_noise) = (error_m(sensor.rmse_m), times(sensor.rmse_m, sensor.noise_m));
                 let error = format!("{prefix}{}: RMSE {rmse} m, {over_noise} times the noise", sensor.name);

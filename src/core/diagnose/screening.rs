@@ -7,9 +7,10 @@ use rayon::prelude::*;
 use crate::diagnose::baseline::Baseline;
 use crate::diagnose::candidate::candidates;
 use crate::diagnose::evidence::EvidenceScale;
-use crate::diagnose::limits::{QUIET, REFINED_EFFECTS};
+use crate::diagnose::limits::REFINED_EFFECTS;
 use crate::diagnose::refit::{Refit, refine, screen};
 use crate::fit::progress::{OnProgress, Progress};
+use crate::fit::search::thresholds::NOISE_LIKE;
 
 /// Screens every form.
 pub(crate) fn screened(baseline: &Baseline, progress: &OnProgress<'_>) -> Vec<Refit> {
@@ -31,7 +32,7 @@ pub(crate) fn refits(baseline: &Baseline, progress: &OnProgress<'_>) -> Vec<Refi
     order.sort_by(|a, b| b.0.total_cmp(&a.0));
     let promising: Vec<&str> = order.iter().take(REFINED_EFFECTS).map(|(_, r)| r.form.effect).collect();
     // Near the noise the linear forecast is accurate: an effect that screening does not promise will not appear.
-    let quiet = baseline.mean_square(&baseline.residuals) < QUIET.powi(2);
+    let quiet = baseline.mean_square(&baseline.residuals) < NOISE_LIKE.powi(2);
     let scale = EvidenceScale::of(&baseline.residuals[..baseline.samples], baseline.features());
     let hopeful = |r: &Refit| scale.evidence(baseline.square, r.square, r.added) > 0.0;
     screened

@@ -7,14 +7,13 @@
 //! and leaving them out, until all that may be claimed is at its optimum. It ends where neither is left to do.
 
 use crate::diagnose::evidence::tempered;
-use crate::diagnose::limits::QUIET;
 use crate::diagnose::measures::{beyond, fall, square};
 use crate::diagnose::met::{Done, Key, Met, Starts};
 use crate::diagnose::models::Search;
 use crate::diagnose::weigh::{WeighedModel, weigh};
 use crate::fit::outcome::fit::Fit;
 use crate::fit::outcome::thresholds::STRONG_EVIDENCE;
-use crate::fit::search::thresholds::DOUBTFUL_ABOVE;
+use crate::fit::search::thresholds::{DOUBTFUL_ABOVE, NOISE_LIKE};
 
 impl Search<'_> {
     /// Looks for models with as many effects more as `most` than those of a `state`, which is grown whatever it leaves.
@@ -86,7 +85,7 @@ impl Search<'_> {
     /// not appear.
     pub(crate) fn is_quiet(&self, size: usize) -> bool {
         let fits = self.met.iter().filter(|m| m.key.len() <= size).filter_map(|m| m.fit.as_ref());
-        fits.chain([self.start]).any(|fit| fit.over_noise() < QUIET)
+        fits.chain([self.start]).any(|fit| fit.over_noise() < NOISE_LIKE)
     }
 
     fn step(&mut self, state: &Key, starts: Starts) {

@@ -1,11 +1,10 @@
 //! The verdict that follows from the evidence, and how probable it is.
 
 use crate::diagnose::evidence::tempered;
-use crate::diagnose::limits::{
-    NOISE_LIKE, STEEPNESS, STEEPNESS_UNEXPLAINED, UNEXPLAINED_OVER_NOISE, UNEXPLAINED_SHARE,
-};
+use crate::diagnose::limits::{STEEPNESS, STEEPNESS_UNEXPLAINED, UNEXPLAINED_SHARE};
 use crate::diagnose::outcome::{Candidate, Pair, Verdict};
 use crate::fit::outcome::thresholds::STRONG_EVIDENCE;
+use crate::fit::search::thresholds::{DOUBTFUL_ABOVE, NOISE_LIKE};
 
 /// The verdict, and the probability that something outside the catalogue is missing. `start` is the start model's error
 /// over noise; `candidates` come most probable first; a `pair` is the answer instead of the first. A record that shows
@@ -23,7 +22,7 @@ pub(crate) fn verdict(start: f64, candidates: &[Candidate], pair: Option<&Pair>,
         return (Verdict::MissingEffect, 0.0);
     }
     let after = pair.map_or(best.over_noise, |pair| pair.over_noise);
-    let unexplained = left_share(start, after) > UNEXPLAINED_SHARE && after > UNEXPLAINED_OVER_NOISE;
+    let unexplained = left_share(start, after) > UNEXPLAINED_SHARE && after > DOUBTFUL_ABOVE;
     let verdict = if unexplained { Verdict::UnknownEffect } else { Verdict::MissingEffect };
     (verdict, something_else(start, Some(after)))
 }
@@ -43,7 +42,7 @@ fn something_else(before: f64, after: Option<f64>) -> f64 {
     match after {
         None => rises(before, NOISE_LIKE, STEEPNESS_UNEXPLAINED),
         Some(after) => {
-            rises(after, UNEXPLAINED_OVER_NOISE, STEEPNESS) * (left_share(before, after) / UNEXPLAINED_SHARE).min(1.0)
+            rises(after, DOUBTFUL_ABOVE, STEEPNESS) * (left_share(before, after) / UNEXPLAINED_SHARE).min(1.0)
         }
     }
 }
@@ -55,7 +54,7 @@ mod tests {
     #[test]
     fn the_more_is_left_the_more_is_missing() {
         assert!(something_else(3.0, Some(1.0)) < 1e-12);
-        assert!((something_else(UNEXPLAINED_OVER_NOISE, Some(UNEXPLAINED_OVER_NOISE)) - 0.5).abs() < 1e-12);
+        assert!((something_else(DOUBTFUL_ABOVE, Some(DOUBTFUL_ABOVE)) - 0.5).abs() < 1e-12);
         assert!(something_else(20.0, Some(19.0)) > 0.99);
         assert!(something_else(100.0, Some(10.0)) < 0.05);
         assert!(something_else(1.0, None) < 0.05);

@@ -26,7 +26,7 @@ use crate::fit::search::options::{Effort, Options};
 use crate::fit::search::starts::{proposes_starts, starts_from};
 use crate::fit::search::thresholds::{
     AS_GOOD_WITHOUT, DOUBTFUL_ABOVE, EVALUATE_ONLY, HOPELESS_SMALLER, HOPELESS_START_RATIO, MOST_REACHES_WITH_CAVITIES,
-    SCREENING, SMALLER_ABOVE,
+    NOISE_LIKE, SCREENING,
 };
 use crate::model::Model;
 use crate::model::effects::{Chosen, boils, labels_of};
@@ -193,7 +193,7 @@ impl<'a> Fitter<'a> {
     /// # Errors
     /// As [`calibrate`].
     pub fn or_from_signals(&self, fit: Fit) -> Result<Fit, FitError> {
-        if fit.mean_square() <= SMALLER_ABOVE {
+        if fit.mean_square() <= NOISE_LIKE.powi(2) {
             return Ok(fit);
         }
         let anew = self.fit(&fit.effects, Begin::Signals, Effort::Whole)?;
@@ -215,12 +215,13 @@ impl<'a> Fitter<'a> {
             let rest = OneLess::of(self, &fit, i)?;
             let near = self.without_it(&fit, &rest)?;
             // an effect that proposes several starts can have ended beside its optimum
-            let astray = fit.mean_square() > SMALLER_ABOVE || rest.effects.iter().any(proposes_starts);
-            let far = if astray { self.smaller(&fit, &rest)? } else { None };
+            let astray = fit.mean_square() > NOISE_LIKE.powi(2);
+            let elsewhere = astray || rest.effects.iter().any(proposes_starts);
+            let far = if elsewhere { self.smaller(&fit, &rest)? } else { None };
             let smaller = [near, far].into_iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost));
-            // nothing supports an effect that gains no more: it may have ended where it does nothing
-            let in_vain = |small: &Fit| small.cost < fit.cost || fit.evidence_over(small) < STRONG_EVIDENCE;
-            if let Some(smaller) = smaller.filter(in_vain) {
+            // a fit that leaves more than noise, or an effect that nothing supports, may have ended beside its optimum
+            let doubtful = |small: &Fit| astray || fit.evidence_over(small) < STRONG_EVIDENCE;
+            if let Some(smaller) = smaller.filter(doubtful) {
                 let on = self.grown(&fit.effects, &smaller, 0.0)?;
                 fit = on.filter(|on| on.cost < fit.cost).unwrap_or(fit);
             }

@@ -10,8 +10,8 @@ use crate::fit::problem::fit_problem::FitProblem;
 use crate::fit::search::calibrator::{Calibrator, Estimate};
 use crate::fit::search::starts::{Start, differing, drawn, starts_from, starts_of, take_over, vanish};
 use crate::fit::search::thresholds::{
-    COARSE, COARSE_REACHES, EVALUATE_ONLY, FOLLOWED, HOPELESS_START_RATIO, LOCKING, LOCKING_PERIODS, LOCKING_REACHES,
-    LOOKED_AGAIN, MAX_RELEASED, POOR_FIT_COST, SCREENING,
+    COARSE, COARSE_REACHES, EVALUATE_ONLY, FOLLOWED, HOPELESS_START_RATIO, LEADING, LOCKING, LOCKING_PERIODS,
+    LOCKING_REACHES, LOOKED_AGAIN, POOR_FIT_COST, SCREENING,
 };
 use crate::model::effects::labels_of;
 use crate::model::{Model, ModelError};
@@ -145,7 +145,7 @@ fn in_places(
         attempt(ctx, model, &places, &values, LOCKING_PERIODS[0] * period_s, SCREENING)
     });
     let mut screened = distinct(screened.collect::<Result<_, _>>()?);
-    screened.truncate(MAX_RELEASED);
+    screened.truncate(LEADING);
     Ok(screened)
 }
 

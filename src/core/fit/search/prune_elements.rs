@@ -21,7 +21,7 @@ use crate::fit::problem::elements::{Element, elements, free_elements};
 use crate::fit::problem::fit_problem::FitProblem;
 use crate::fit::search::calibrator::Calibrator;
 use crate::fit::search::descent::{by_value, lower_along, polishing, predict_reduction, slopes};
-use crate::fit::search::thresholds::{ELEMENT_NOISE_REDUCTION, MAX_PLACEMENTS, NO_COMPLIANCE, PROBED_TIMES};
+use crate::fit::search::thresholds::{ELEMENT_NOISE_REDUCTION, LEADING, NO_COMPLIANCE, PROBED_TIMES};
 use crate::model::ModelError;
 
 /// One more element, of one retardation time.
@@ -53,9 +53,7 @@ pub(crate) fn prune_elements(
     let unit = fewer.cost / problem.samples().max(1) as f64;
     let places = placements(ctx, problem, &fewer, element)?;
     let (mut best, mut ends): (Option<Solution>, Vec<Solution>) = (None, Vec::new());
-    for place in
-        peaks(&places).into_iter().filter(|p| p.reduction > OPTIMUM_REDUCTION * 2.0 * unit).take(MAX_PLACEMENTS)
-    {
+    for place in peaks(&places).into_iter().filter(|p| p.reduction > OPTIMUM_REDUCTION * 2.0 * unit).take(LEADING) {
         let Some(mut from) = lower_along(ctx, problem, &place.values, &place.step, fewer.cost)? else { continue };
         put_in_order(problem, &mut from);
         // Some samples and a coarser grid show the way, the problem itself the place.

@@ -22,8 +22,8 @@ use crate::fit::progress::Progress;
 use crate::fit::search::calibrator::{Calibrator, Estimate};
 use crate::fit::search::finish::{finish, without_descent};
 use crate::fit::search::thresholds::{
-    COARSE_REACHES, FEATURE_ROUND_GAIN, FEATURE_ROUNDS, FINAL_REACHES, LOCKING_PERIODS, RECORD_ROUND_GAIN,
-    RECORD_ROUNDS, STEP_LIMITS,
+    COARSE, COARSE_REACHES, FEATURE_ROUND_GAIN, FEATURE_ROUNDS, FINAL_REACHES, LOCKING_PERIODS, RECORD_ROUND_GAIN,
+    RECORD_ROUNDS,
 };
 use crate::model::{Model, ModelError};
 
@@ -128,7 +128,7 @@ impl StepwiseWalk<'_> {
                 Feature::ValveCurve => self.by_valve_curve(problem)?,
                 _ => {
                     let aspect = FeatureProblem::new(problem, &step.which, step.feature, &self.values, &self.bounds);
-                    let solution = minimise(&aspect, &aspect.start(), STEP_LIMITS, |_, _| {})?;
+                    let solution = minimise(&aspect, &aspect.start(), COARSE, |_, _| {})?;
                     self.ctx.count(solution.evaluations);
                     aspect.whole(&solution.x)
                 }
@@ -149,7 +149,7 @@ impl StepwiseWalk<'_> {
         let direction: Vec<f64> = from.iter().zip(problem.variables(since)).map(|(now, then)| now - then).collect();
         let which = (0..from.len()).filter(|&j| direction[j] != 0.0).collect();
         let along = DirectionProblem { problem, from: &from, direction: &direction };
-        let solution = minimise(&along, &[0.0], STEP_LIMITS, |_, _| {})?;
+        let solution = minimise(&along, &[0.0], COARSE, |_, _| {})?;
         self.ctx.count(solution.evaluations);
         let why = "the direction of the round, further: parameters that stand in for each other move together";
         let step = Step { which, feature: Feature::Record, why };

@@ -21,8 +21,9 @@ pub(crate) const COARSE_SAMPLES: usize = 2500;
 /// off by up to 0.13 m.
 pub(crate) const LOCKING_PERIODS: [f64; 3] = [1.5, 2.7, 5.0];
 
-/// How many of the places where an effect was screened are followed further. Tuned; data unknown.
-pub(crate) const MAX_RELEASED: usize = 4;
+/// How many rivals of one kind (starts, places, retardation times, models) are followed further. Cost: the open sets have
+/// the same answers with three and four of each.
+pub(crate) const LEADING: usize = 3;
 /// Cost, as a share of what there was, below which several effects that may be anywhere are looked for once more. Cost,
 /// and chosen.
 pub(crate) const LOOKED_AGAIN: f64 = 0.7;
@@ -46,9 +47,6 @@ pub(crate) const COARSE: Limits =
 /// Of a fit of the first cycles: what it leaves undone the next window does. Cost.
 pub(crate) const LOCKING: Limits = Limits { cost_tolerance: 3e-3, ..COARSE };
 
-/// Mean square of what a fit leaves, in units of the noise, above which smaller models are fitted, too. Derived: below,
-/// none can leave less by more than noise.
-pub(crate) const SMALLER_ABOVE: f64 = 2.0;
 /// A smaller model that leaves this many times the bigger one's sum of squares after a few steps from its end is not
 /// fitted further. Cost, and chosen: a few steps more gain less.
 pub(crate) const AS_GOOD_WITHOUT: f64 = 1.02;
@@ -56,6 +54,9 @@ pub(crate) const AS_GOOD_WITHOUT: f64 = 1.02;
 /// Cost, and chosen: the coarse grid may err by as much.
 pub(crate) const HOPELESS_SMALLER: f64 = 1.5;
 
+/// Error over noise up to which what a fit leaves may be noise. Beyond it smaller models are fitted, too; up to it
+/// forecasts are accurate: an effect that they do not promise will not appear. Tuned; data unknown.
+pub(crate) const NOISE_LIKE: f64 = 1.3;
 /// Error over noise of a model above which its parameters may be wrong. Tuned; data unknown.
 pub(crate) const DOUBTFUL_ABOVE: f64 = 3.0;
 /// Finest grid of a fit with cavities among others, in reaches, except near the noise: the spikes of their collapse
@@ -79,8 +80,6 @@ pub(crate) const STEP_SHARES: [f64; 4] = [1.0, 0.5, 0.2, 0.05];
 
 /// Retardation times at which an element is tried, evenly in ratio between their bounds. Chosen.
 pub(crate) const PROBED_TIMES: usize = 32;
-/// At how many of these a descent starts at most. Tuned; data unknown.
-pub(crate) const MAX_PLACEMENTS: usize = 3;
 /// Fall of the sum of squares that an element's two parameters bring of noise alone, in units of what one sample
 /// leaves. Derived: the mean of χ² with two degrees of freedom.
 pub(crate) const ELEMENT_NOISE_REDUCTION: f64 = 2.0;
@@ -95,9 +94,6 @@ pub(crate) const MIN_WINDOW_SHARE: f64 = 0.05;
 /// Cost of what cannot be simulated: more than of anything that can. Chosen.
 pub(crate) const IMPOSSIBLE_COST: f64 = 1e300;
 
-/// Of one step of a stepwise calibration. Tuned; data unknown.
-pub(crate) const STEP_LIMITS: Limits =
-    Limits { iterations: 12, cost_tolerance: 1e-3, step_tolerance: 1e-6, thorough: false };
 /// Most rounds over the features. Tuned; data unknown.
 pub(crate) const FEATURE_ROUNDS: usize = 6;
 /// Most rounds over the whole record on each grid. Tuned; data unknown.

@@ -21,7 +21,8 @@ use crate::fit::problem::parameters::placed_sensor;
 use crate::fit::progress::{OnProgress, Progress};
 use crate::fit::search::calibrate::refine;
 use crate::fit::search::options::Options;
-use crate::fit::validate::thresholds::{CLOSURE_MARGIN, OWN_REACHES, OWN_VALUES};
+use crate::fit::search::thresholds::{FINAL, FINAL_REACHES};
+use crate::fit::validate::thresholds::CLOSURE_MARGIN;
 use crate::model::Model;
 use crate::model::constraint::Constraint;
 use crate::model::effects::Chosen;
@@ -154,10 +155,10 @@ pub fn predict(
     let closing_s = held.iter().filter(|c| c.name == "closing_time_s").map(|c| c.upper);
     let closing_s = closing_s.fold(rig.valve.closing_time_s, f64::max);
     let known_until_s = (0.5 * period_s).max(CLOSURE_MARGIN * closing_s);
-    let reaches = OWN_REACHES.max(model.least_reaches(&values));
+    let reaches = (2 * FINAL_REACHES).max(model.least_reaches(&values));
     let problem = FitProblem::new(&model, runs, Window { reaches, horizon_s: known_until_s, stride: 1 });
     problem.validate_constraints(&constraints)?;
-    let own = minimise(&problem, &problem.start(), OWN_VALUES, |iteration, cost| {
+    let own = minimise(&problem, &problem.start(), FINAL, |iteration, cost| {
         let error_over_noise = (2.0 * cost / problem.samples().max(1) as f64).sqrt();
         progress(&Progress::fitting("the runs' own values", reaches, iteration, error_over_noise));
     })?;

@@ -1,7 +1,5 @@
 //! Thresholds of how a fitted model is checked: what each means, and where it comes from.
 
-use crate::fit::numeric::least_squares::Limits;
-
 /// Distance of a fitted value from what a meter or the signals show, in standard deviations, that contradicts them.
 /// Chosen.
 pub(crate) const CONFLICT_SD: f64 = 5.0;
@@ -15,11 +13,6 @@ pub(crate) const LACKING_RATIO: f64 = 1.1;
 /// Share of each record that is fitted, the rest being predicted. Chosen.
 pub(crate) const FITTED_SHARE: f64 = 0.6;
 
-/// Reaches of the grid on which a predicted run's own values are fitted. Tuned; data unknown.
-pub(crate) const OWN_REACHES: usize = 128;
-/// Of that fit. Tuned; data unknown.
-pub(crate) const OWN_VALUES: Limits =
-    Limits { iterations: 60, cost_tolerance: 1e-6, step_tolerance: 1e-9, thorough: false };
 /// A closure slower than 2L/a is followed for this many of its durations. Chosen.
 pub(crate) const CLOSURE_MARGIN: f64 = 1.25;
 
