@@ -356,8 +356,8 @@ fn a_model_that_contains_another_ends_no_worse() {
     assert!(both < 1.001 * one, "{both} m, {one} m without clock-skew");
 }
 
-/// Much gas, whose waves steepen. From the signals a fit ends at many times the noise, where the gas follows far too
-/// late; from the model without gas a way leads on.
+/// Much gas, whose waves steepen. A fit that starts with gas that follows at once ends at 38 times the noise, where it
+/// follows far too late.
 #[test]
 fn much_gas_is_found() {
     let folder = tempfile::tempdir().unwrap();

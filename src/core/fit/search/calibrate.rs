@@ -215,13 +215,12 @@ impl<'a> Fitter<'a> {
             let rest = OneLess::of(self, &fit, i)?;
             let near = self.without_it(&fit, &rest)?;
             // an effect that proposes several starts can have ended beside its optimum
-            let astray = fit.mean_square() > NOISE_LIKE.powi(2);
-            let elsewhere = astray || rest.effects.iter().any(proposes_starts);
-            let far = if elsewhere { self.smaller(&fit, &rest)? } else { None };
+            let astray = fit.mean_square() > NOISE_LIKE.powi(2) || rest.effects.iter().any(proposes_starts);
+            let far = if astray { self.smaller(&fit, &rest)? } else { None };
             let smaller = [near, far].into_iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost));
-            // a fit that leaves more than noise, or an effect that nothing supports, may have ended beside its optimum
-            let doubtful = |small: &Fit| astray || fit.evidence_over(small) < STRONG_EVIDENCE;
-            if let Some(smaller) = smaller.filter(doubtful) {
+            // nothing supports an effect that gains no more: it may have ended where it does nothing
+            let in_vain = |small: &Fit| small.cost < fit.cost || fit.evidence_over(small) < STRONG_EVIDENCE;
+            if let Some(smaller) = smaller.filter(in_vain) {
                 let on = self.grown(&fit.effects, &smaller, 0.0)?;
                 fit = on.filter(|on| on.cost < fit.cost).unwrap_or(fit);
             }

@@ -73,9 +73,9 @@ impl Effect for EntrainedGas {
         ]
     }
 
-    /// Hardly any gas, and enough to halve the wave speed.
+    /// Hardly any gas, enough to halve the wave speed, and gas that follows as late as bubbles of 0.2 mm.
     fn other_starts(&self, _elements: usize) -> Vec<Vec<f64>> {
-        vec![vec![0.03, 1.0], vec![30.0, 1.0]]
+        vec![vec![0.03, 1.0], vec![30.0, 1.0], vec![1.0, 20.0]]
     }
 
     /// Steady head above vapour pressure, and `K` of each node.
