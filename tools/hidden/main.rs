@@ -1,8 +1,9 @@
-//! Recordings with one effect hidden, or two or three, from a scheme that shares nothing with the program: what `diagnose` is
-//! tried on.
+//! Recordings with one effect hidden, or two or three, from a scheme that shares nothing with the program: what
+//! `diagnose` is tried on.
 //!
-//! `cargo run --release -p surgescope-tools --bin hidden_effects -- SEED COUNT FOLDER [KIND,KIND…] [--coloured] [--hum] [--wrong-rig] [--pairs|--triples]
-//! [--plastic]` writes folders with `rig.toml`, `run.csv`, sometimes `run2.csv`, and `answers.json` beside them, as `tools/blind.py` reads them.
+//! `cargo run --release -p surgescope-tools --bin hidden_effects -- SEED COUNT FOLDER [KIND,KIND…] [--coloured] [--hum]
+//! [--wrong-rig] [--pairs|--triples] [--plastic]` writes folders with `rig.toml`, `run.csv`, sometimes `run2.csv`, and
+//! `answers.json` beside them, as `tools/blind.py` reads them.
 //! The same seed gives the same files.
 //! Kinds of `forcing` (`forcings` for all of them) are what no effect of the catalogue is: the answers have their place
 //! and waveform as `forcing`, for `tools/explained.py`.

@@ -9,14 +9,15 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::diagnose::circumstances::{circumstances, features};
-use crate::diagnose::limits::{BINS, LEAD_OF_PERIOD, UNSEEN_COLUMN};
+use crate::diagnose::limits::UNSEEN_COLUMN;
 use crate::fit::data::run_data::{RunData, SensorData};
 use crate::fit::numeric::least_squares::{Problem, jacobian};
 use crate::fit::numeric::uncertainty::determined_inverse;
 use crate::fit::outcome::fit::{Fit, FittedParameter};
 use crate::fit::problem::fit_problem::{FitProblem, Window};
+use crate::fit::problem::thresholds::LEAD_OF_PERIOD;
 use crate::fit::search::options::Options;
-use crate::fit::search::thresholds::COARSE_REACHES;
+use crate::fit::search::thresholds::{COARSE_REACHES, COARSE_SAMPLES};
 use crate::model::effects::{Chosen, Circumstances};
 use crate::model::{Model, ModelError};
 use crate::product::{along, dot, gram};
@@ -261,7 +262,7 @@ fn binned(
                 let (fine, coarse) = (&fine_traces[s], &coarse_traces[s]);
                 let from = sensor.time_s.partition_point(|&t| t < start - lead);
                 let (time_s, head_m) = (&sensor.time_s[from..], &sensor.head_m[from..]);
-                let size = time_s.len().div_ceil(BINS).max(1);
+                let size = time_s.len().div_ceil(COARSE_SAMPLES).max(1);
                 let mut bins = (Vec::new(), Vec::new());
                 for (times, heads) in time_s.chunks_exact(size).zip(head_m.chunks_exact(size)) {
                     let centre = times.iter().sum::<f64>() / size as f64;

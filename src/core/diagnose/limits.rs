@@ -17,10 +17,6 @@ use crate::model::effects::CATALOGUE;
 
 // ---- The baseline: binned samples on a coarse grid -----------------------------------------------------------------
 
-/// Bins per sensor into which samples are averaged. Cost, and tuned: data unknown.
-pub(crate) const BINS: usize = 3000;
-/// Binned records begin this share of the period 4L/a before the closure. Tuned: data unknown.
-pub(crate) const LEAD_OF_PERIOD: f64 = 0.1;
 /// Norm of a Jacobian column, in units of the noise, below which the data do not see a parameter: its differences are
 /// rounding. Tuned: data unknown.
 pub(crate) const UNSEEN_COLUMN: f64 = 0.1;

@@ -253,8 +253,8 @@ impl Study {
     /// the search starts. `method` is least-squares, global, micro-ga, global-local or stepwise; `starts` are random
     /// starts of least-squares, `budget` simulations of a global search, `steps` those of stepwise, `seed` that of all
     /// random draws, `most_reaches` the finest grid. With `posterior` the joint posterior of the values is sampled until
-    /// each parameter has so many independent draws, as `Fit.sample` does. `threads` limits the cores; `progress` is a callable that takes a
-    /// Progress, by default a bar of tqdm in a notebook, False for none.
+    /// each parameter has so many independent draws, as `Fit.sample` does. `threads` limits the cores; `progress` is a
+    /// callable that takes a Progress, by default a bar of tqdm in a notebook, False for none.
     ///
     /// Raises Error: effects that do not exist or exclude each other, a parameter that the model does not have, a model
     /// that cannot be simulated.

@@ -155,11 +155,6 @@ mod tests {
     const RUN: RunValues =
         RunValues { initial_velocity_m_s: 0.3, valve_head_m: 30.0, closing_time_s: 0.1, friction_scale: 1.0 };
 
-    fn rig() -> Rig {
-        // known exactly, and elastic: two answers, nothing else
-        copper()
-    }
-
     fn fitted(rig: &Rig, runs: &[RunData], effects: &str) -> Fit {
         calibrate(rig, runs, &parse_list(effects).unwrap(), &Options::default(), &|_| {}).unwrap()
     }
@@ -168,7 +163,8 @@ mod tests {
     /// again.
     #[test]
     fn a_test_brings_the_evidence_that_was_expected_of_it() {
-        let rig = rig();
+        // known exactly, and elastic: two answers, nothing else
+        let rig = copper();
         let truth = parse_list("leak").unwrap();
         let made = |run: RunValues, file: &str| RunData {
             file: file.into(),
@@ -202,7 +198,7 @@ mod tests {
     /// run's own values matter.
     #[test]
     fn a_repetition_narrows_as_a_second_record_does() {
-        let rig = rig();
+        let rig = copper();
         let made = |file: &str| RunData {
             file: file.into(),
             ..record(&rig, &parse_list("leak").unwrap(), &[1250.0, 31.0, 2.0], RUN, 0.1, 2.0)

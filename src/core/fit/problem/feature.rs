@@ -4,7 +4,7 @@
 use crate::fit::numeric::least_squares::Problem;
 use crate::fit::problem::compare::Pair;
 use crate::fit::problem::fit_problem::FitProblem;
-use crate::fit::problem::thresholds::{DIRECTION_SHARES, FIRST_RISE_LEAD, PHASE_SHARE};
+use crate::fit::problem::thresholds::{DIRECTION_SHARES, LEAD_OF_PERIOD, PHASE_SHARE};
 use crate::model::ModelError;
 use crate::model::trace::Trace;
 
@@ -104,9 +104,9 @@ impl<'p> FeatureProblem<'p> {
         let known_start = run.start.closure_s.0;
         let index = |t: f64| sensor.time_s.partition_point(|&time| time < t);
         let (from, to) = match self.feature {
-            Feature::Steady => (0, index(known_start - FIRST_RISE_LEAD * self.period_s)),
+            Feature::Steady => (0, index(known_start - LEAD_OF_PERIOD * self.period_s)),
             Feature::FirstRise => {
-                (index(known_start - FIRST_RISE_LEAD * self.period_s), index(known_start + 0.5 * self.period_s))
+                (index(known_start - LEAD_OF_PERIOD * self.period_s), index(known_start + 0.5 * self.period_s))
             }
             _ => (index(known_start), sensor.time_s.len()),
         };

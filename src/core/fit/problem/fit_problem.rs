@@ -14,6 +14,7 @@ use crate::fit::problem::latest::Latest;
 use crate::fit::problem::objective::{Bins, Objective};
 use crate::fit::problem::parameters::placed_sensor;
 use crate::fit::problem::rows::SampleRows;
+use crate::fit::problem::thresholds::LEAD_OF_PERIOD;
 use crate::fit::progress::Passing;
 use crate::model::constraint::{Constraint, Given};
 use crate::model::effects::boils;
@@ -116,7 +117,7 @@ impl<'a> FitProblem<'a> {
             .iter()
             .map(|run| {
                 let start = run.start.closure_s.0;
-                let lead = 0.1 * self.model.period_s(&self.start_values()[..self.model.shared.len()]);
+                let lead = LEAD_OF_PERIOD * self.model.period_s(&self.start_values()[..self.model.shared.len()]);
                 run.sensors
                     .iter()
                     .map(|sensor| {

@@ -6,9 +6,8 @@ use crate::fit::numeric::least_squares::Limits;
 pub(crate) const FARTHEST_SD: f64 = 6.0;
 /// Uncertainty of the time of a crossing, as a share of the period. Chosen.
 pub(crate) const PHASE_SHARE: f64 = 1e-3;
-/// Share of a period before the closure that still counts as the first rise: the start of the closure is not known to
-/// the sample. Chosen.
-pub(crate) const FIRST_RISE_LEAD: f64 = 0.05;
+/// Share of a period before the closure from which samples are compared: its start is not known to the sample. Chosen.
+pub(crate) const LEAD_OF_PERIOD: f64 = 0.1;
 /// How far a step along one direction may go back and on, in lengths of the direction. Chosen.
 pub(crate) const DIRECTION_SHARES: (&[f64], &[f64]) = (&[-1.0], &[30.0]);
 

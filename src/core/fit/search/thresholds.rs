@@ -14,7 +14,7 @@ pub(crate) const LOCKING_PER_STEP: f64 = 2.0;
 pub(crate) const COARSE_REACHES: usize = 48;
 /// Reaches from which the grid is refined. Tuned; data unknown.
 pub(crate) const FINAL_REACHES: usize = 64;
-/// Samples of each sensor that coarse fits look at. Tuned; data unknown.
+/// Samples of each sensor that coarse fits look at, and averages that a diagnosis screens effects on. Tuned; data unknown.
 pub(crate) const COARSE_SAMPLES: usize = 2500;
 /// First cycles, in periods, that a fit looks at one after the other so that the phase locks: each time almost twice as
 /// many, for from 1.5 periods to 5 a fit with gas loses its way. Tuned; the measured trace of Adelaide, with its head
