@@ -5,7 +5,7 @@
 //! parallel.
 
 use crate::fit::numeric::thresholds::{
-    ACCELERATION_PROBE, FIRST_DAMPING, FIRST_DAMPING_NEAR, LEAST_SHARE, MAX_ACCELERATION, MAX_STALLS, NO_DAMPING,
+    ACCELERATION_PROBE, FIRST_DAMPING, FIRST_DAMPING_NEAR, MAX_ACCELERATION, MAX_STALLS, NO_DAMPING,
 };
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
@@ -143,15 +143,6 @@ fn geodesic_acceleration<P: Problem>(
     );
     let acceleration = factor.solve(&right);
     (acceleration.norm() <= MAX_ACCELERATION * step.norm()).then_some(acceleration)
-}
-
-/// Where a step would have been lowest, as a share of it, by the parabola through its two ends and the slope at its
-/// start; none where that would gain less than twice as much, or lies so near the start that the step was a bad one.
-fn lowest_share(from: &[f64], to: &[f64], gradient: &DVector<f64>, rise: f64) -> Option<f64> {
-    let slope: f64 = from.iter().zip(to).zip(gradient.iter()).map(|((f, t), g)| (t - f) * g).sum();
-    let share = slope / (2.0 * (slope - rise));
-    let gain = -0.5 * share * slope;
-    ((LEAST_SHARE..1.0).contains(&share) && gain > 2.0 * -rise).then_some(share)
 }
 
 fn half_square(residuals: &[f64]) -> f64 {
@@ -313,26 +304,10 @@ pub fn minimise_in_view<P: Problem>(
                 }
                 clamp(&mut trial);
             }
-            let evaluated = |trial: &[f64]| {
-                problem.residuals(trial).ok().map(|r| (half_square(&r), r)).filter(|(c, _)| c.is_finite())
-            };
-            let mut outcome = evaluated(&trial);
-            let ratio = outcome.as_ref().map_or(0.0, |(c, _)| (cost - c) / predicted.max(f64::MIN_POSITIVE));
-            // A step that went beyond its lowest point comes back to it: an evaluation costs far less than a Jacobian.
-            let share = outcome
-                .as_ref()
-                .and_then(|(c, _)| lowest_share(&x, &trial, &gradient, c - cost))
-                .filter(|_| most_fall() > limits.cost_tolerance * cost);
-            if let Some(share) = share {
-                let shorter: Vec<f64> = x.iter().zip(&trial).map(|(x, t)| x + share * (t - x)).collect();
-                evaluations += 1;
-                let better = evaluated(&shorter).filter(|(c, _)| outcome.as_ref().is_none_or(|(full, _)| c < full));
-                if better.is_some() {
-                    (trial, outcome) = (shorter, better);
-                }
-            }
+            let outcome = problem.residuals(&trial).ok().map(|r| (half_square(&r), r)).filter(|(c, _)| c.is_finite());
             match outcome {
                 Some((new_cost, new_residuals)) if new_cost < cost => {
+                    let ratio = (cost - new_cost) / predicted.max(f64::MIN_POSITIVE);
                     let fall = (cost - new_cost) / cost;
                     let left = undamped_fall() - (cost - new_cost);
                     x = trial;
@@ -344,16 +319,14 @@ pub fn minimise_in_view<P: Problem>(
                     progress(iterations, cost, &x);
                     if fall > limits.cost_tolerance {
                         stalls = 0;
-                    } else if limits.thorough || ratio > 0.1 || share.is_some() {
+                    } else if ratio > 0.1 {
                         stalls += 1;
                         if !limits.thorough || left <= limits.cost_tolerance * cost || stalls >= MAX_STALLS {
                             stop = Stop::CostSettled;
                             break 'outer;
                         }
                         // A narrow valley: damping holds the step back, not the lack of a descent.
-                        if ratio > 0.1 {
-                            damping = (damping * 0.1).max(1e-12);
-                        }
+                        damping = (damping * 0.1).max(1e-12);
                     }
                     break;
                 }

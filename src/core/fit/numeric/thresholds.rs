@@ -37,8 +37,6 @@ pub(crate) const ACCELERATION_PROBE: f64 = 0.1;
 /// Largest acceleration that is trusted, in lengths of the step: twice that is Transtrum & Sethna's (2012) bound
 /// of 0.75.
 pub(crate) const MAX_ACCELERATION: f64 = 0.375;
-/// Least share of a step to which it is shortened: below, the step is damped. Chosen.
-pub(crate) const LEAST_SHARE: f64 = 0.1;
 /// Damping of the first step, in units of each column's square norm (Nielsen 1999).
 pub(crate) const FIRST_DAMPING: f64 = 1e-3;
 /// The same from a start that is near: there a damped step creeps along a flat valley, and a step that is too long
