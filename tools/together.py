@@ -33,8 +33,9 @@ def left(program, recordings, effects):
 def said_of(program, recordings, answer):
     start = answer["start_effects"]
     hidden = answer["hidden"]["effects"]
+    seen = float("inf")
     for lacking in hidden:
-        seen = left(program, recordings, [*start, *(e for e in hidden if e != lacking)])
+        seen = min(seen, left(program, recordings, [*start, *(e for e in hidden if e != lacking)]))
         if seen < SEEN:
             return {"seen": seen}
     began = time.time()

@@ -17,7 +17,7 @@ use surgescope::rig::{Coupling, Rig, SensorKind};
 use surgescope::signal::inspect;
 use surgescope::units::GRAVITY_M_S2;
 
-use crate::common::{CREEP, done, here, printed, run, text};
+use crate::common::{self, CREEP, done, here, printed, run, text};
 
 fn run_of(recording: &Recording) -> RunData {
     prepare("run", &recording.rig, recording, &inspect(recording).unwrap())
@@ -381,6 +381,6 @@ fn much_gas_is_found() {
         ["simulate", "--rig", text(&rig), "--effects", "entrained-gas", "--seed", "1", "-o", text(&record), "--set"];
     printed(run(&[&made[..], &truth].concat()));
     let fit = done(&["calibrate", text(&record), "--effects", "entrained-gas", "--most-reaches", "64"]);
-    let over_noise = fit["rmse_m"].as_f64().unwrap() / fit["noise_m"].as_f64().unwrap();
+    let over_noise = common::over_noise(&fit);
     assert!(over_noise < 2.0, "{over_noise}");
 }

@@ -53,19 +53,18 @@ fn main() -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
         .map(|i| {
             let name = format!("case-{:03}", i + 1);
             let mut random = fastrand::Rng::with_seed(seed * 1_000_003 + i);
-            let mut kinds = Vec::new();
-            while together > 1 && kinds.len() < together {
+            let mut kinds = if together == 1 { vec![drawn[i as usize % drawn.len()]] } else { Vec::new() };
+            while kinds.len() < together {
                 let left: Vec<_> = rig::together().filter(|kind| !kinds.contains(kind)).collect();
                 kinds.push(left[random.usize(..left.len())]);
             }
-            let (kind, others) = kinds.split_first().unwrap_or((&drawn[i as usize % drawn.len()], &[]));
-            let case = rig::draw(&mut random, kind, others, has("--plastic"), &name);
+            let case = rig::draw(&mut random, kinds[0], &kinds[1..], has("--plastic"), &name);
             record::write(&folder.join(&name), &case, &mut random, lab)?;
-            let effects: Vec<_> = [kind].into_iter().filter(|k| **k != "nothing").chain(others).collect();
+            let effects: Vec<_> = kinds.iter().filter(|kind| **kind != "nothing").collect();
             let truth = truth::of(&case, &folder.join(&name))?;
             Ok((
                 name,
-                json!({"hidden": {"effect": kind, "effects": effects, "what": format!("{:?}", case.hidden)}, "start_effects": case.start_effects,
+                json!({"hidden": {"effect": kinds[0], "effects": effects, "what": format!("{:?}", case.hidden)}, "start_effects": case.start_effects,
                        "noise_m": case.noise_m, "joukowsky_m": case.joukowsky_m(), "wave_speed_m_s": case.wave_speed_m_s,
                        "material": case.material, "truth": truth, "forcing": waveform::truth(&case)}),
             ))

@@ -46,6 +46,7 @@ pub enum Hidden {
     Bent(usize, f64),
     Creep,
     UnsteadyFriction,
+    /// Volume per volume of pipe at the pressure of the air, lag behind the pressure s.
     Gas(f64, f64),
     Cavity,
     /// Place, flow under the head there before the closure m³/s.

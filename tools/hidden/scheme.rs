@@ -450,10 +450,11 @@ pub fn solve_on(case: &Case, velocity_m_s: f64, duration_s: f64, nodes: usize) -
                 }
             };
             let old_gas = line.gas_m3[i];
-            let new_gas = |h: f64| old_gas + dt / (gas_lag_s + dt) * (gas(i, h) - old_gas);
-            // Share of the way that a cavity goes in a step towards the volume that belongs to the new head, and what it
-            // leaves where that is none.
-            let way = dt / (CONDENSING_S + dt);
+            // Share of the way that a volume goes in a step towards the one that belongs to the new head.
+            let way = |lag_s: f64| dt / (lag_s + dt);
+            let new_gas = |h: f64| old_gas + way(gas_lag_s) * (gas(i, h) - old_gas);
+            // What a cavity leaves where that is none.
+            let way = way(CONDENSING_S);
             let left = line.cavity_m3[i] * (1.0 - way);
             let balance = |h: f64| {
                 let mid = 0.5 * (h + old);

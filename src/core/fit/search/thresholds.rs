@@ -14,15 +14,16 @@ pub(crate) const LOCKING_PER_STEP: f64 = 2.0;
 pub(crate) const COARSE_REACHES: usize = 48;
 /// Reaches from which the grid is refined. Tuned; data unknown.
 pub(crate) const FINAL_REACHES: usize = 64;
-/// Samples of each sensor that coarse fits look at, and averages that a diagnosis screens effects on. Tuned; data unknown.
+/// Samples of each sensor that coarse fits look at, and averages that a diagnosis screens effects on. Tuned; data
+/// unknown.
 pub(crate) const COARSE_SAMPLES: usize = 2500;
 /// First cycles, in periods, that a fit looks at one after the other so that the phase locks: each time almost twice as
 /// many, for from 1.5 periods to 5 a fit with gas loses its way. Tuned; the measured trace of Adelaide, with its head
 /// off by up to 0.13 m.
 pub(crate) const LOCKING_PERIODS: [f64; 3] = [1.5, 2.7, 5.0];
 
-/// How many rivals of one kind (starts, places, retardation times, models) are followed further. Cost: the open sets have
-/// the same answers with three and four of each.
+/// How many rivals of one kind (starts, places, retardation times, models) are followed further. Cost: the open sets
+/// have the same answers with three starts and with four.
 pub(crate) const LEADING: usize = 3;
 /// Cost, as a share of what there was, below which several effects that may be anywhere are looked for once more. Cost,
 /// and chosen.
