@@ -55,7 +55,7 @@ pub(crate) fn assemble(ctx: &Calibrator, problem: &FitProblem, solution: &Soluti
     let start_values = problem.start_values();
     let columns = slopes(ctx, problem, solution)?;
     let prediction = predict_reduction_by(ctx, problem, solution, Cow::Borrowed(&columns))?;
-    let converged = prediction.near_optimum(problem, solution);
+    let converged = prediction.at_optimum(problem, solution);
     let fixed = fixed_variables(problem, &values, &solution.at_bound);
     let (shifts, halving_m) = last_halving(ctx, problem, solution, &columns, &fixed)?;
     let known = if converged { Some(known(ctx, problem, solution, &columns, &fixed, &shifts)?) } else { None };

@@ -281,7 +281,7 @@ impl<'a> Fitter<'a> {
         let tried = starts.par_iter().map(|values| from(&some, values, SCREENING)).collect::<Result<Vec<_>, _>>()?;
         let best = tried.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
         let (Some(absent), Some(best)) = (starts.last(), best) else { return Ok(None) };
-        let best = from(&all, &best.values, polishing(&all, SCREENING))?;
+        let best = from(&all, &best.values, polishing(&ctx, &all, &best.values, SCREENING)?)?;
         if from(&all, absent, EVALUATE_ONLY)?.cost - best.cost < least_gain {
             return Ok(None);
         }

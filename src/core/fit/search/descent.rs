@@ -24,25 +24,16 @@ pub(crate) struct PredictedReduction<'a> {
 
 impl PredictedReduction<'_> {
     /// Whether a solution is an optimum. Where no step lowers the cost it is one, whatever the prediction: residuals
-    /// may have corners. Elsewhere the prediction decides.
-    pub(crate) fn at_optimum(&self, solution: &Solution) -> bool {
-        is_optimum(solution, self.reduction)
-    }
-
-    /// Whether a solution is as near an optimum as its errors tell: samples whose errors are alike count once. A
-    /// descent that goes on may still gain, along a bent valley or from elements of creep that nothing supports.
-    pub(crate) fn near_optimum(&self, problem: &FitProblem, solution: &Solution) -> bool {
-        is_optimum(solution, self.independent(problem, solution))
+    /// may have corners. Elsewhere the prediction decides; samples whose errors are alike count once.
+    pub(crate) fn at_optimum(&self, problem: &FitProblem, solution: &Solution) -> bool {
+        !matches!(solution.stop, Stop::CostSettled | Stop::IterationsSpent)
+            || self.independent(problem, solution) <= OPTIMUM_REDUCTION
     }
 
     /// The reduction in units of what one independent sample leaves.
     pub(crate) fn independent(&self, problem: &FitProblem, solution: &Solution) -> f64 {
         self.reduction / correlation_inflation(&solution.residuals[..problem.samples()])
     }
-}
-
-fn is_optimum(solution: &Solution, reduction: f64) -> bool {
-    !matches!(solution.stop, Stop::CostSettled | Stop::IterationsSpent) || reduction <= OPTIMUM_REDUCTION
 }
 
 fn over_one_sample<'a>(
@@ -55,9 +46,22 @@ fn over_one_sample<'a>(
     PredictedReduction { reduction, columns }
 }
 
-/// The limits of a descent that ends where the fall of the sum of squares is not worth another iteration.
-pub(crate) fn polishing(problem: &FitProblem, limits: Limits) -> Limits {
-    Limits { cost_tolerance: POLISH_REDUCTION / problem.samples().max(1) as f64, ..limits }
+/// The limits of a descent from these values: it ends where the fall of the sum of squares is not worth another
+/// iteration, and not before the tolerance of `limits`. Samples whose errors are alike count once.
+///
+/// # Errors
+/// Values that cannot be evaluated.
+pub(crate) fn polishing(
+    ctx: &Calibrator,
+    problem: &FitProblem,
+    values: &[f64],
+    limits: Limits,
+) -> Result<Limits, ModelError> {
+    let samples = problem.samples();
+    ctx.count(1);
+    let alike = correlation_inflation(&problem.residuals(&problem.variables(values))?[..samples]);
+    let worth = POLISH_REDUCTION * alike / samples.max(1) as f64;
+    Ok(Limits { cost_tolerance: worth.min(limits.cost_tolerance), ..limits })
 }
 
 /// The columns of a Jacobian by the values instead of the variables.
@@ -122,7 +126,7 @@ pub(crate) fn predict_reduction_by<'a>(
     columns: Cow<'a, [Vec<f64>]>,
 ) -> Result<PredictedReduction<'a>, ModelError> {
     let predicted = over_one_sample(problem, solution, columns);
-    if predicted.reduction <= OPTIMUM_REDUCTION || !solution.stop.converged() {
+    if predicted.independent(problem, solution) <= OPTIMUM_REDUCTION || !solution.stop.converged() {
         return Ok(predicted);
     }
     // The columns of the last step may be out of date.

@@ -94,7 +94,8 @@ pub(crate) fn last_descent<'m>(
     let whole = ctx.whole(reaches);
     let problem = if is_brief(ctx) { ctx.passing(model, whole) } else { ctx.problem(model, whole) };
     problem.validate_constraints(&model.constraints)?;
-    let solution = polish(ctx, &problem, &values, polishing(&problem, patient(ctx, FINAL)))?;
+    let limits = polishing(ctx, &problem, &values, patient(ctx, FINAL))?;
+    let solution = polish(ctx, &problem, &values, limits)?;
     Ok((problem, solution))
 }
 

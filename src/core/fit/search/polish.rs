@@ -30,7 +30,7 @@ pub(crate) fn polish(
             break;
         }
         let predicted = predict_reduction(ctx, problem, &solution)?;
-        if predicted.reduction <= OPTIMUM_REDUCTION {
+        if predicted.independent(problem, &solution) <= OPTIMUM_REDUCTION {
             break;
         }
         let from = leap(ctx, problem, &solution, &predicted.columns)?.unwrap_or_else(|| problem.values(&solution.x));

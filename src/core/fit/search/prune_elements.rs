@@ -45,7 +45,7 @@ pub(crate) fn prune_elements(
         return Ok(solution);
     }
     let predicted = predict_reduction(ctx, problem, &solution)?;
-    if predicted.at_optimum(&solution) {
+    if predicted.at_optimum(problem, &solution) {
         return Ok(solution);
     }
     let (element, fewer) = with_one_less(ctx, problem, &solution, &predicted.columns, &elements, limits)?;
@@ -59,7 +59,7 @@ pub(crate) fn prune_elements(
         // Some samples and a coarser grid show the way, the problem itself the place.
         let mut near = ctx.passing(problem.model, ctx.compared(problem.window().reaches));
         near.hold(&held(problem), &from);
-        let on_the_way = polishing(&near, limits);
+        let on_the_way = polishing(ctx, &near, &from, limits)?;
         let there = ctx.minimise(&near, &from, on_the_way, "one element placed again")?;
         let here = |end: &Solution| have_met(&end.residuals, &there.residuals, on_the_way.cost_tolerance * end.cost);
         if ends.iter().any(here) {
@@ -68,7 +68,7 @@ pub(crate) fn prune_elements(
         let again =
             ctx.minimise(problem, &problem.values(&there.x), limits, "all samples, one element placed again")?;
         ends.push(there);
-        let at_optimum = predict_reduction(ctx, problem, &again)?.at_optimum(&again);
+        let at_optimum = predict_reduction(ctx, problem, &again)?.at_optimum(problem, &again);
         if at_optimum && best.as_ref().is_none_or(|b| again.cost < b.cost) {
             best = Some(again);
         } else if again.cost < solution.cost {
@@ -85,7 +85,7 @@ pub(crate) fn prune_elements(
     let Some(mut nowhere) = least.map(|place| place.values.clone()) else { return Ok(solution) };
     put_in_order(problem, &mut nowhere);
     let pruned = solution_at(ctx, problem, fewer, &nowhere)?;
-    let at_optimum = predict_reduction(ctx, problem, &pruned)?.at_optimum(&pruned);
+    let at_optimum = predict_reduction(ctx, problem, &pruned)?.at_optimum(problem, &pruned);
     Ok(if at_optimum { pruned } else { solution })
 }
 

@@ -67,12 +67,12 @@ pub(crate) const MOST_REACHES_WITH_CAVITIES: usize = 128;
 /// Of the fits while the grid is refined. Tuned; data unknown.
 pub(crate) const GRID_REFINEMENT: Limits =
     Limits { iterations: 20, cost_tolerance: 1e-4, step_tolerance: 1e-8, thorough: true };
-/// Of the last fit; its tolerance of the cost follows from [`POLISH_REDUCTION`]. Tuned; data unknown.
-pub(crate) const FINAL: Limits = Limits { iterations: 40, cost_tolerance: 1e-5, step_tolerance: 1e-9, thorough: true };
+/// Of the last fit; its tolerance of the cost is no larger than [`POLISH_REDUCTION`] says. Tuned; data unknown.
+pub(crate) const FINAL: Limits = Limits { iterations: 40, step_tolerance: 1e-9, ..GRID_REFINEMENT };
 /// Pull of the grid on a parameter, in its standard errors, that asks for a finer grid. Chosen.
 pub(crate) const MAX_GRID_PULL: f64 = 2.0;
-/// Fall of the sum of squares, in units of what one sample leaves, that is not worth another iteration. Derived: a
-/// seventh of a standard error.
+/// Fall of the sum of squares, in units of what one independent sample leaves, that is not worth another iteration.
+/// Derived: a seventh of a standard error.
 pub(crate) const POLISH_REDUCTION: f64 = 0.02;
 /// How often a descent that has given up starts anew at most. Tuned; data unknown.
 pub(crate) const MAX_RESTARTS: usize = 3;
