@@ -779,6 +779,41 @@ mod tests {
         assert!((seen / (rise + ahead) - 1.0).abs() < 0.005, "{seen} against {}", rise + ahead);
     }
 
+    /// Gas that follows the pressure late: the head that stops a flow is at first what the liquid alone makes it, then
+    /// falls to that of liquid and gas. Its Laplace transform is that of the liquid times `√((s + α)/(s + β))`,
+    /// `α = 1/τ`, `β = α (1 + r)`, for `r` the compliance of the gas over that of the liquid; that of
+    /// `e^(-(α + β)t/2) I₀((β - α)t/2)` is `1/√((s + α)(s + β))` (Abramowitz & Stegun 29.3.49).
+    #[test]
+    fn gas_that_lags_answers_as_its_relaxation_says() {
+        let (fraction, lag_s) = (0.01, 0.05);
+        let hidden = Some(Hidden::Gas(fraction, lag_s));
+        let case = Case { velocity_m_s: 0.002, closing_s: 0.002, ..case(hidden, Vec::new()) };
+        let solved = solve(&case, case.velocity_m_s, 0.5);
+        let absolute_m = case.valve_head_m + ATMOSPHERE_M;
+        let ratio = fraction * ATMOSPHERE_M / absolute_m.powi(2) * case.wave_speed_m_s.powi(2) / G;
+        let (alpha, beta) = (1.0 / lag_s, (1.0 + ratio) / lag_s);
+        let bessel = |x: f64| {
+            let terms = (1..40).scan(1.0, |term, k| {
+                *term *= (0.5 * x / f64::from(k)).powi(2);
+                Some(*term)
+            });
+            1.0 + terms.sum::<f64>()
+        };
+        let kernel = |t: f64| (-0.5 * (alpha + beta) * t).exp() * bessel(0.5 * (beta - alpha) * t);
+        let (mut passed_s, mut integral, step_s) = (0.0, 0.0, 1e-4);
+        // until the wave is back from the supply
+        for t in [0.02, 0.05, 0.1, 0.2, 0.4] {
+            while passed_s < t - 0.5 * step_s {
+                integral += step_s * kernel(passed_s + 0.5 * step_s);
+                passed_s += step_s;
+            }
+            let exact = kernel(t) + alpha * integral;
+            // the middle of the closure is its time
+            let seen = (at(&solved, t + 0.5 * case.closing_s) - case.valve_head_m) / case.joukowsky_m();
+            assert!((seen - exact).abs() < 0.005, "{seen} against {exact} at {t} s");
+        }
+    }
+
     /// A surge that boils the water along the pipe again and again.
     #[test]
     fn cavities_lose_and_make_no_water() {

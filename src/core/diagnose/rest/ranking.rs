@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use crate::diagnose::evidence::tempered;
 use crate::diagnose::rest::cells::{Run, Times};
 use crate::diagnose::rest::forced::Forced;
-use crate::diagnose::rest::inverse::{Data, Errors, Found, Normal, PROCESSES, Process, columns};
+use crate::diagnose::rest::inverse::{Belief, Data, Errors, Found, Normal, PROCESSES, Process, columns};
 use crate::diagnose::rest::places::Spot;
 use crate::diagnose::rest::response::{Response, response};
 use crate::diagnose::rest::waveform::{CYCLES, KNOTS_A_CYCLE};
@@ -246,9 +246,11 @@ impl<'a> Settled<'a> {
         let data = data(&run, forced.as_ref(), times)?.0.under(errors);
         let here = normal(&run, &data, &spot, times)?;
         let Some(found) = here.best(process, THOROUGH) else { return Ok(None) };
-        let mut tried = Vec::new();
-        for near in spot.moved(&run, &[0.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0].map(|by| by * step_m)) {
-            if let Some(found) = normal(&run, &data, &near, times)?.judged(found.belief) {
+        let mut tried = vec![(spot.clone(), found.clone())];
+        for near in spot.moved(&run, &[-2.0, -1.0, -0.5, 0.5, 1.0, 2.0].map(|by| by * step_m)) {
+            if near != spot
+                && let Some(found) = normal(&run, &data, &near, times)?.judged(found.belief)
+            {
                 tried.push((near, found));
             }
         }
@@ -289,8 +291,12 @@ fn settled<'a>(
             }
         }
         let Some((near, found, normal, response)) = best else { return Ok(None) };
+        // Which process it is shows at one power.
         let others = PROCESSES.iter().chain(tones).filter(|p| **p != process && round == 2);
-        let found = others.filter_map(|p| normal.best(*p, QUICK)).fold(found, better);
+        let at_its_power = |p: &Process| normal.judged(Belief { process: *p, ..found.belief });
+        let likeliest = others.filter_map(at_its_power).reduce(better);
+        let likeliest = likeliest.and_then(|other| normal.best(other.belief.process, QUICK));
+        let found = likeliest.into_iter().fold(found, better);
         let Some(mean) = normal.mean(&found) else { return Ok(None) };
         (spot, process) = (near, found.belief.process);
         errors = Errors::of(&believed.rest(&columns(&believed, &response, times), &mean));
