@@ -9,13 +9,17 @@ use super::rig::{Case, Hidden};
 use super::scheme::{Solved, solve};
 
 const MAINS_HZ: f64 = 50.0;
+/// By how much the frequency of the mains is off, and how fast it changes, standard deviations: as large as those of
+/// the grid of continental Europe are in an hour.
+const MAINS_OFF_HZ: f64 = 0.02;
+const MAINS_DRIFT_HZ_S: f64 = 1e-3;
 
 /// What the lab has against it.
 #[derive(Clone, Copy)]
 pub struct Lab {
     /// Half of the noise remembers 5 ms.
     pub coloured: bool,
-    /// Each pressure has 50 Hz of the mains on it, one to three times the noise.
+    /// Each pressure has the hum of the mains on it, one to three times the noise, whose frequency drifts.
     pub hum: bool,
     /// Its tape measures and data sheets are off.
     pub wrong_rig: bool,
@@ -64,6 +68,9 @@ pub fn write(folder: &Path, case: &Case, random: &mut fastrand::Rng, lab: Lab) -
         let solved = solve(case, velocity, case.duration_s);
         let mut out = format!("{columns},Q1,T1\n");
         let n = ((case.lead_s + case.duration_s) / case.sample_s) as usize;
+        let [off_hz, drift_hz_s] =
+            [MAINS_OFF_HZ, MAINS_DRIFT_HZ_S].map(|sd| if hum { sd * normal(random) } else { 0.0 });
+        let turns = |t: f64| (MAINS_HZ + off_hz + 0.5 * drift_hz_s * t) * t;
         let heads: Vec<Vec<f64>> = (0..case.sensors_m.len())
             .map(|s| {
                 let trace = sensed(case, s, &solved);
@@ -80,7 +87,7 @@ pub fn write(folder: &Path, case: &Case, random: &mut fastrand::Rng, lab: Lab) -
                         slow = memory * slow + (1.0 - memory * memory).sqrt() * normal(random);
                         let t = i as f64 * case.sample_s - case.lead_s;
                         let seen_s = t - skew_s;
-                        let mains_m = hum_m * (std::f64::consts::TAU * MAINS_HZ * t + phase).sin();
+                        let mains_m = hum_m * (std::f64::consts::TAU * turns(t) + phase).sin();
                         let h = gains[s] * at(case, &solved, &trace, seen_s) + offsets[s] + mains_m;
                         let noise = if coloured { 0.7 * normal(random) + 0.7 * slow } else { normal(random) };
                         (((h + case.noise_m * noise) * kpa_per_m / 0.03).round()) * 0.03
