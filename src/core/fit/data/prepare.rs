@@ -11,6 +11,7 @@ use crate::model::friction::WallFriction;
 use crate::model::line_flows::line_flows;
 use crate::recording::Recording;
 use crate::rig::{Coupling, Line, Pipe, Regime, Rig, Sensor, Upstream, WaterProperties};
+use crate::signal::hum::sharpened;
 use crate::signal::{Features, SensorFeatures, heads};
 use crate::units::GRAVITY_M_S2;
 
@@ -38,13 +39,14 @@ pub fn prepare(file: &str, rig: &Rig, recording: &Recording, features: &Features
         let noise_m = white_sd_m.max(1e-5 * rise_m);
         // What oscillates in the pipe is no noise.
         let total_noise_m = total_sd_m.max(noise_m);
+        let hum = sharpened(&seen.noise.hum, noise_m, features.closure.pressure_onset_s, &time_s, &head_m);
         sensors.push(SensorData {
             sensor,
             time_s,
             head_m,
             noise_m,
             total_noise_m,
-            hum: seen.noise.hum.clone(),
+            hum,
             lines: seen.noise.lines.clone(),
             offset_sd_m,
             saturated,
