@@ -1,6 +1,8 @@
 //! Hum: tones of the mains and of their harmonics, which a sensor's wiring picks up. They stand in its record before
 //! the closure as after it.
 
+use std::f64::consts::{PI, TAU};
+
 use crate::robust::NOT_BY_CHANCE;
 use crate::signal::sine::Sine;
 use crate::signal::spectrum::Spectrum;
@@ -15,6 +17,8 @@ pub struct Tone {
     pub amplitude_m: f64,
 }
 
+/// The colour is estimated from at most this many samples: enough for 1 % of the variance.
+pub(crate) const LONGEST_LEAD: usize = 20_000;
 /// Frequencies of the mains, Hz.
 const MAINS_HZ: [f64; 2] = [50.0, 60.0];
 /// Their harmonics that wiring picks up. Rectifiers and lamps make the first few.
@@ -67,8 +71,8 @@ pub(crate) fn take_hum(samples: &mut [f64], interval_s: f64) -> Vec<Tone> {
 /// Tones that were found before `closure_s`, with their frequencies as the whole record shows them.
 ///
 /// The samples before the closure tell a frequency to `σ/A √(24/n)/2πT` (Rife & Boorstyn 1974), which is some turns over
-/// a long record. Within four of these errors, the frequency is the one at which the record has most power. Hann's
-/// window keeps out what is slow, and the front.
+/// a long record. Within four of these errors, the frequency is the one at which the record has most power, if a tone of
+/// like amplitude is there. Hann's window keeps out what is slow, and the front.
 pub(crate) fn sharpened(tones: &[Tone], noise_m: f64, closure_s: f64, time_s: &[f64], head_m: &[f64]) -> Vec<Tone> {
     let before = time_s.partition_point(|&t| t < closure_s);
     let (Some(first_s), Some(last_s)) = (time_s.first(), time_s.last()) else { return tones.to_vec() };
@@ -76,26 +80,38 @@ pub(crate) fn sharpened(tones: &[Tone], noise_m: f64, closure_s: f64, time_s: &[
     if before == 0 || span_s <= 0.0 {
         return tones.to_vec();
     }
+    let seen = before.min(LONGEST_LEAD) as f64;
+    let lead_s = lead_s * seen / before as f64;
     let mean_m = head_m.iter().sum::<f64>() / head_m.len() as f64;
-    let windowed =
-        |(t, head): (&f64, &f64)| (head - mean_m) * (std::f64::consts::PI * (t - first_s) / span_s).sin().powi(2);
-    let seen: Vec<f64> = time_s.iter().zip(head_m).map(windowed).collect();
-    let power = |hz: f64| {
-        let turned = time_s.iter().zip(&seen).map(|(t, head)| {
-            let (sin, cos) = (std::f64::consts::TAU * hz * (t - first_s)).sin_cos();
-            (head * cos, head * sin)
-        });
-        let (cos, sin) = turned.fold((0.0, 0.0), |(a, b), (cos, sin)| (a + cos, b + sin));
-        cos * cos + sin * sin
-    };
+    let window = |t: f64| (PI * (t - first_s) / span_s).sin().powi(2);
+    let weight: f64 = time_s.iter().map(|&t| window(t)).sum();
     let sharp = |tone: &Tone| {
-        let sd_hz = noise_m / tone.amplitude_m * (24.0 / before as f64).sqrt() / (std::f64::consts::TAU * lead_s);
+        let sd_hz = noise_m / tone.amplitude_m * (24.0 / seen).sqrt() / (TAU * lead_s);
+        let half_hz = (4.0 * sd_hz).min(WITHIN_HZ);
+        // turned back by the tone, the record is slow: means over a tenth of a turn hold what it has of the tone
+        let mean_s = 0.1 / half_hz;
+        let mut means = vec![(0.0, 0.0); (span_s / mean_s) as usize + 1];
+        for (t, head) in time_s.iter().zip(head_m) {
+            let (sin, cos) = (TAU * tone.hz * (t - first_s)).sin_cos();
+            let own = &mut means[((t - first_s) / mean_s) as usize];
+            let seen = (head - mean_m) * window(*t);
+            *own = (own.0 + seen * cos, own.1 - seen * sin);
+        }
+        let amplitude_m = |off_hz: f64| {
+            let turned = means.iter().enumerate().map(|(i, (a, b))| {
+                let (sin, cos) = (TAU * off_hz * mean_s * i as f64).sin_cos();
+                (a * cos + b * sin, b * cos - a * sin)
+            });
+            let (a, b) = turned.fold((0.0, 0.0), |(a, b), (c, d)| (a + c, b + d));
+            2.0 * f64::hypot(a, b) / weight
+        };
         let step_hz = 0.1 / span_s;
-        // never farther than what the samples before the closure resolve
-        let steps = ((4.0 * sd_hz).min(0.5 / lead_s) / step_hz).ceil() as i32;
-        let near = (-steps..=steps).map(|k| tone.hz + f64::from(k) * step_hz);
-        let hz = near.map(|hz| (power(hz), hz)).max_by(|a, b| a.0.total_cmp(&b.0)).map_or(tone.hz, |(_, hz)| hz);
-        Tone { hz, ..*tone }
+        let steps = (half_hz / step_hz).ceil() as i32;
+        let near = (-steps..=steps).map(|k| step_hz * f64::from(k)).map(|off_hz| (amplitude_m(off_hz), off_hz));
+        let strongest = near.max_by(|a, b| a.0.total_cmp(&b.0));
+        // what is far larger or smaller is another thing, such as a harmonic of the surge
+        let own = strongest.filter(|(there_m, _)| (0.5..2.0).contains(&(there_m / tone.amplitude_m)));
+        Tone { hz: tone.hz + own.map_or(0.0, |(_, off_hz)| off_hz), ..*tone }
     };
     tones.iter().map(sharp).collect()
 }
@@ -118,8 +134,6 @@ fn strongest(spectrum: &Spectrum, samples: usize, [from, to]: [f64; 2]) -> Optio
 
 #[cfg(test)]
 mod tests {
-    use std::f64::consts::TAU;
-
     use super::*;
     use crate::signal::testing::Gauss;
 

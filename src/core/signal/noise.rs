@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use crate::golden::least_between;
 use crate::robust::{MEDIAN_TO_SD, NOT_BY_CHANCE, median};
 use crate::signal::coloured::log_likelihood;
-use crate::signal::hum::{Tone, take_hum};
+use crate::signal::hum::{LONGEST_LEAD, Tone, take_hum};
 use crate::signal::interpolated::{Corners, corners};
 use crate::signal::sine::{Sine, detrended};
 use crate::signal::spectrum::Spectrum;
@@ -42,8 +42,6 @@ pub struct Noise {
 const MOST_LINES: usize = 6;
 /// A shorter lead-in tells nothing about spread or colour.
 const SHORTEST_LEAD: usize = 30;
-/// The colour is estimated from at most this many samples: enough for 1 % of the variance.
-const LONGEST_LEAD: usize = 20_000;
 
 /// If the rms of the second differences exceeds their median estimate by this factor, the noise has spikes.
 const SPIKY: f64 = 1.5;

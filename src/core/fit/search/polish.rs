@@ -10,7 +10,7 @@ use crate::fit::inference::thresholds::OPTIMUM_REDUCTION;
 use crate::fit::numeric::least_squares::{Limits, Problem, Solution, Stop};
 use crate::fit::problem::fit_problem::FitProblem;
 use crate::fit::search::calibrator::Calibrator;
-use crate::fit::search::descent::{by_value, lower_along, predict_reduction};
+use crate::fit::search::descent::{by_value, lower_along, polishing, predict_reduction};
 use crate::fit::search::options::Effort;
 use crate::fit::search::prune_elements::prune_elements;
 use crate::fit::search::thresholds::MAX_RESTARTS;
@@ -34,6 +34,7 @@ pub(crate) fn polish(
             break;
         }
         let from = leap(ctx, problem, &solution, &predicted.columns)?.unwrap_or_else(|| problem.values(&solution.x));
+        let limits = polishing(ctx, problem, &from, limits)?;
         let again = ctx.minimise(problem, &from, limits, "all samples, restarted")?;
         let fall = solution.cost - again.cost;
         if fall > 0.0 {

@@ -9,7 +9,7 @@ use nalgebra::DMatrix;
 
 use crate::fit::data::run_data::RunData;
 use crate::fit::inference::errors::{Errors, Linearised};
-use crate::fit::numeric::least_squares::{Problem, jacobian, minimise};
+use crate::fit::numeric::least_squares::{Limits, Problem, jacobian, minimise};
 use crate::fit::numeric::quantiles::Z_95;
 use crate::fit::outcome::band::{curve_sd_m, half_width_m};
 use crate::fit::outcome::fit::{Fit, SensorFit};
@@ -158,7 +158,7 @@ pub fn predict(
     let reaches = (2 * FINAL_REACHES).max(model.least_reaches(&values));
     let problem = FitProblem::new(&model, runs, Window { reaches, horizon_s: known_until_s, stride: 1 });
     problem.validate_constraints(&constraints)?;
-    let own = minimise(&problem, &problem.start(), FINAL, |iteration, cost| {
+    let own = minimise(&problem, &problem.start(), Limits { cost_tolerance: 1e-5, ..FINAL }, |iteration, cost| {
         let error_over_noise = (2.0 * cost / problem.samples().max(1) as f64).sqrt();
         progress(&Progress::fitting("the runs' own values", reaches, iteration, error_over_noise));
     })?;
