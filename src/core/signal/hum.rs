@@ -17,7 +17,8 @@ pub struct Tone {
     pub amplitude_m: f64,
 }
 
-/// The colour is estimated from at most this many samples: enough for 1 % of the variance.
+/// Noise, its colour and its tones are read from at most this many samples before the closure: enough for 1% of the
+/// variance.
 pub(crate) const LONGEST_LEAD: usize = 20_000;
 /// Frequencies of the mains, Hz.
 const MAINS_HZ: [f64; 2] = [50.0, 60.0];
@@ -77,7 +78,8 @@ pub(crate) fn sharpened(tones: &[Tone], noise_m: f64, closure_s: f64, time_s: &[
     let before = time_s.partition_point(|&t| t < closure_s);
     let (Some(first_s), Some(last_s)) = (time_s.first(), time_s.last()) else { return tones.to_vec() };
     let (lead_s, span_s) = (closure_s - first_s, last_s - first_s);
-    if before == 0 || span_s <= 0.0 {
+    // most records have no hum, and may be long
+    if tones.is_empty() || before == 0 || span_s <= 0.0 {
         return tones.to_vec();
     }
     let seen = before.min(LONGEST_LEAD) as f64;
@@ -94,8 +96,8 @@ pub(crate) fn sharpened(tones: &[Tone], noise_m: f64, closure_s: f64, time_s: &[
         for (t, head) in time_s.iter().zip(head_m) {
             let (sin, cos) = (TAU * tone.hz * (t - first_s)).sin_cos();
             let own = &mut means[((t - first_s) / mean_s) as usize];
-            let seen = (head - mean_m) * window(*t);
-            *own = (own.0 + seen * cos, own.1 - seen * sin);
+            let windowed_m = (head - mean_m) * window(*t);
+            *own = (own.0 + windowed_m * cos, own.1 - windowed_m * sin);
         }
         let amplitude_m = |off_hz: f64| {
             let turned = means.iter().enumerate().map(|(i, (a, b))| {
@@ -160,7 +162,8 @@ mod tests {
         assert!((spread(&samples) / 0.1 - 1.0).abs() < 0.05, "{}", spread(&samples));
     }
 
-    /// From 0.6 s before a surge that dies away: the whole record tells the frequency a hundred times better.
+    /// From 0.6 s before a surge that dies away: the whole record tells the frequency to a tenth of its own
+    /// resolution.
     #[test]
     fn a_whole_record_sharpens_a_frequency() {
         let mut dice = Gauss::new(5);

@@ -6,7 +6,6 @@
 //! on from there.
 
 use crate::fit::inference::optimum::bounded_step;
-use crate::fit::inference::thresholds::OPTIMUM_REDUCTION;
 use crate::fit::numeric::least_squares::{Limits, Problem, Solution, Stop};
 use crate::fit::problem::fit_problem::FitProblem;
 use crate::fit::search::calibrator::Calibrator;
@@ -30,7 +29,7 @@ pub(crate) fn polish(
             break;
         }
         let predicted = predict_reduction(ctx, problem, &solution)?;
-        if predicted.independent(problem, &solution) <= OPTIMUM_REDUCTION {
+        if predicted.at_optimum(problem, &solution) {
             break;
         }
         let from = leap(ctx, problem, &solution, &predicted.columns)?.unwrap_or_else(|| problem.values(&solution.x));

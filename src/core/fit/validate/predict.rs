@@ -158,6 +158,7 @@ pub fn predict(
     let reaches = (2 * FINAL_REACHES).max(model.least_reaches(&values));
     let problem = FitProblem::new(&model, runs, Window { reaches, horizon_s: known_until_s, stride: 1 });
     problem.validate_constraints(&constraints)?;
+    // tuned; data unknown
     let own = minimise(&problem, &problem.start(), Limits { cost_tolerance: 1e-5, ..FINAL }, |iteration, cost| {
         let error_over_noise = (2.0 * cost / problem.samples().max(1) as f64).sqrt();
         progress(&Progress::fitting("the runs' own values", reaches, iteration, error_over_noise));
