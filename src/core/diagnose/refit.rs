@@ -7,7 +7,7 @@
 use crate::diagnose::baseline::Baseline;
 use crate::diagnose::candidate::Form;
 use crate::diagnose::limits::{FEW_PLACES, FORECAST_RANGE, STRENGTHS};
-use crate::fit::numeric::least_squares::{Problem, Solution, have_met, minimise};
+use crate::fit::numeric::least_squares::{Problem, Solution, Way, have_met, minimise};
 use crate::fit::problem::fit_problem::FitProblem;
 use crate::fit::search::thresholds::{COARSE, FOLLOWED, LEADING, SCREENING, STEP_SHARES};
 use crate::model::effects::Chosen;
@@ -149,6 +149,10 @@ impl Problem for Added<'_> {
 
     fn difference_step(&self, j: usize) -> f64 {
         self.problem.difference_step(self.baseline.shared + j)
+    }
+
+    fn way(&self, j: usize) -> Way {
+        self.problem.way(self.baseline.shared + j)
     }
 }
 

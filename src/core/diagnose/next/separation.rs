@@ -8,7 +8,7 @@ use crate::diagnose::limits::{DESIGN, MOST_REPEATS};
 use crate::diagnose::next::answer::{Answer, Known};
 use crate::diagnose::next::change::{Change, Stage};
 use crate::fit::data::run_data::{RunData, ShownClosing};
-use crate::fit::numeric::least_squares::{Problem, minimise};
+use crate::fit::numeric::least_squares::{Problem, Way, minimise};
 use crate::fit::outcome::thresholds::STRONG_EVIDENCE;
 use crate::fit::problem::fit_problem::FitProblem;
 use crate::model::effects::Chosen;
@@ -278,8 +278,8 @@ impl Problem for Informed<'_> {
         self.problem.difference_step(j)
     }
 
-    fn reach(&self, j: usize) -> f64 {
-        self.problem.reach(j)
+    fn way(&self, j: usize) -> Way {
+        self.problem.way(j)
     }
 }
 

@@ -13,8 +13,8 @@ use crate::diagnose::rest::inverse::{Belief, Data, Errors, Found, Normal, PROCES
 use crate::diagnose::rest::places::Spot;
 use crate::diagnose::rest::response::{Response, response};
 use crate::diagnose::rest::waveform::{CYCLES, KNOTS_A_CYCLE};
-use crate::fit::numeric::least_squares::Problem;
 use crate::model::ModelError;
+use crate::model::parameter::Scale;
 use crate::product::dot;
 
 /// Times that the variables move with a forcing.
@@ -24,7 +24,7 @@ const QUICK: usize = 4;
 const THOROUGH: usize = 8;
 /// Times that the variables move alone, before any forcing is looked for.
 const DOUBTS: usize = 3;
-/// Share of a variable's reach within which its slopes are trusted, as a standard deviation.
+/// Change of a logarithm within which its slopes are trusted, as a standard deviation.
 const TRUSTED: f64 = 0.3;
 /// What is not known of a variable before the fit is as wide as this many errors of the record.
 const WIDE: f64 = 1e4;
@@ -81,7 +81,8 @@ fn data(run: &Run, forced: Option<&Forced>, times: &Times) -> Result<(Data, Vec<
         let (towards, sd) = match run.beliefs[j] {
             Some((mean, sd)) if sd < wide => (mean - run.x[j], sd),
             // Not farther than the slopes mean anything.
-            _ => (0.0, wide.min(TRUSTED * run.problem.reach(j))),
+            _ if run.problem.parameters[j].scale == Scale::Log => (0.0, wide.min(TRUSTED)),
+            _ => (0.0, wide),
         };
         y.iter_mut().zip(&*slope).for_each(|(y, s)| *y -= s * towards);
         slope.iter_mut().for_each(|s| *s *= sd);

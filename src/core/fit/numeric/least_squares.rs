@@ -1,11 +1,12 @@
-//! Bounded nonlinear least squares: Levenberg-Marquardt with Nielsen's damping, projected on a box.
+//! Bounded nonlinear least squares: Levenberg-Marquardt, projected on a box.
 //!
-//! Marquardt (1963); Nielsen (1999), IMM-REP-1999-05, for the damping; variables held at a bound while the gradient
-//! pushes outwards (Kanzow, Yamashita & Fukushima 2004). The Jacobian's columns are independent simulations and run in
-//! parallel.
+//! Marquardt (1963); Nielsen (1999), IMM-REP-1999-05, for how the damping falls; Transtrum & Sethna (2012,
+//! arXiv:1201.5885) for how it rises, and for the second-order part of a step; variables held at a bound while the
+//! gradient pushes outwards (Kanzow, Yamashita & Fukushima 2004). The Jacobian's columns are independent simulations and
+//! run in parallel.
 
 use crate::fit::numeric::thresholds::{
-    ACCELERATION_PROBE, FIRST_DAMPING, FIRST_DAMPING_NEAR, MAX_ACCELERATION, MAX_STALLS, NO_DAMPING,
+    ACCELERATION_PROBE, DAMPING_RISE, FIRST_DAMPING, FIRST_DAMPING_NEAR, MAX_ACCELERATION, MAX_STALLS, NO_DAMPING,
 };
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
@@ -33,9 +34,37 @@ pub trait Problem: Sync {
     fn bounds(&self) -> (&[f64], &[f64]);
     /// Step of the finite difference for each variable.
     fn difference_step(&self, j: usize) -> f64;
-    /// How far a variable may go in one step of a thorough descent: beyond, the linearised residuals mean nothing.
-    fn reach(&self, _j: usize) -> f64 {
-        f64::INFINITY
+    /// How the residuals answer to variable `j`.
+    fn way(&self, _j: usize) -> Way {
+        Way::Even
+    }
+}
+
+/// Which way a step of a variable leads: the straighter the residuals along it, the further it can go.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Way {
+    /// By the step, however long.
+    Even,
+    /// The variable is a logarithm, and the residuals are linear in it while its value changes by less than a factor of
+    /// e: a step of a thorough descent goes no further.
+    Ratio,
+    /// The variable is the logarithm of a strength. What is weak acts in proportion to the strength, so a step is a share
+    /// of it; one of -1 leads to nothing, or as near to it as the bounds let it go.
+    Strength,
+}
+
+impl Way {
+    /// How far it goes in one step of a thorough descent.
+    fn longest(self) -> f64 {
+        if self == Way::Ratio { 1.0 } else { f64::INFINITY }
+    }
+    /// Where a step from `x` leads.
+    fn stepped(self, x: f64, step: f64) -> f64 {
+        if self == Way::Strength { x + step.max(-1.0).ln_1p() } else { x + step }
+    }
+    /// The step from `x` that leads there.
+    fn step_to(self, x: f64, there: f64) -> f64 {
+        if self == Way::Strength { (there - x).exp_m1() } else { there - x }
     }
 }
 
@@ -124,7 +153,7 @@ fn geodesic_acceleration<P: Problem>(
     let (lower, upper) = problem.bounds();
     let mut ahead = x.to_vec();
     for (a, &j) in free.iter().enumerate() {
-        ahead[j] += ACCELERATION_PROBE * step[a] / scale[j];
+        ahead[j] = problem.way(j).stepped(x[j], ACCELERATION_PROBE * step[a] / scale[j]);
         if ahead[j] < lower[j] || ahead[j] > upper[j] {
             return None;
         }
@@ -225,7 +254,6 @@ pub fn minimise_in_view<P: Problem>(
     let mut normal = DMatrix::zeros(n, n);
     let mut columns = Vec::new();
     let mut damping = if limits.thorough { FIRST_DAMPING_NEAR } else { FIRST_DAMPING };
-    let mut growth = 2.0;
     let mut stop = Stop::IterationsSpent;
     let (mut iterations, mut stalls) = (0, 0);
     'outer: while iterations < limits.iterations {
@@ -263,34 +291,32 @@ pub fn minimise_in_view<P: Problem>(
             };
             let mut step = factor.solve(&rhs);
             if limits.thorough {
-                let share = |(a, &j): (usize, &usize)| problem.reach(j) * scale[j] / step[a].abs();
+                let share = |(a, &j): (usize, &usize)| problem.way(j).longest() * scale[j] / step[a].abs();
                 step *= free.iter().enumerate().map(share).fold(1.0, f64::min);
             }
-            let mut trial = x.clone();
-            for (a, &j) in free.iter().enumerate() {
-                trial[j] += step[a] / scale[j];
-            }
-            clamp(&mut trial);
-            let moved: Vec<f64> = trial.iter().zip(&x).map(|(t, x)| t - x).collect();
-            let largest = moved.iter().fold(0.0f64, |m, d| m.max(d.abs()));
+            let led_by = |step: &DVector<f64>| {
+                let mut end = x.clone();
+                for (a, &j) in free.iter().enumerate() {
+                    end[j] = problem.way(j).stepped(x[j], step[a] / scale[j]);
+                }
+                clamp(&mut end);
+                end
+            };
+            let mut trial = led_by(&step);
+            let steps_to = |end: &[f64]| DVector::from_fn(n, |j, _| problem.way(j).step_to(x[j], end[j]));
+            let moved = steps_to(&trial);
+            let largest = moved.amax();
             if largest <= limits.step_tolerance {
                 stop = Stop::VariablesSettled;
                 break 'outer;
             }
             evaluations += 1;
-            let moved = DVector::from_vec(moved);
             let model_fall = |by: &DVector<f64>| -(gradient.dot(by) + 0.5 * by.dot(&(&normal * by)));
             let predicted = model_fall(&moved);
             // The fall that a step without damping predicts, as far as the box lets it go.
             let undamped_fall = || {
                 let Some(factor) = damped(NO_DAMPING).cholesky() else { return 0.0 };
-                let step = factor.solve(&rhs);
-                let mut end = x.clone();
-                for (a, &j) in free.iter().enumerate() {
-                    end[j] += step[a] / scale[j];
-                }
-                clamp(&mut end);
-                model_fall(&DVector::from_iterator(n, end.iter().zip(&x).map(|(e, x)| e - x)))
+                model_fall(&steps_to(&led_by(&factor.solve(&rhs))))
             };
             let most_fall =
                 || damped(NO_DAMPING).cholesky().map_or(f64::INFINITY, |factor| 0.5 * rhs.dot(&factor.solve(&rhs)));
@@ -299,10 +325,7 @@ pub fn minimise_in_view<P: Problem>(
                     geodesic_acceleration(problem, &x, &residuals, &columns, &free, &scale, &step, &factor)
             {
                 evaluations += 1;
-                for (a, &j) in free.iter().enumerate() {
-                    trial[j] += acceleration[a] / scale[j];
-                }
-                clamp(&mut trial);
+                trial = led_by(&(&step + acceleration));
             }
             let outcome = problem.residuals(&trial).ok().map(|r| (half_square(&r), r)).filter(|(c, _)| c.is_finite());
             match outcome {
@@ -315,7 +338,6 @@ pub fn minimise_in_view<P: Problem>(
                     cost = new_cost;
                     damping *= (1.0 - (2.0 * ratio - 1.0).powi(3)).clamp(1.0 / 3.0, 2.0);
                     damping = damping.max(1e-12);
-                    growth = 2.0;
                     progress(iterations, cost, &x);
                     if fall > limits.cost_tolerance {
                         stalls = 0;
@@ -336,8 +358,7 @@ pub fn minimise_in_view<P: Problem>(
                     break 'outer;
                 }
                 _ => {
-                    damping *= growth;
-                    growth *= 2.0;
+                    damping *= DAMPING_RISE;
                     if damping > 1e16 {
                         stop = Stop::NoDescent;
                         break 'outer;
@@ -364,7 +385,7 @@ mod tests {
             f: |x: &[f64]| vec![10.0 * (x[1] - x[0] * x[0]), 1.0 - x[0]],
             lower: vec![-5.0; 2],
             upper: vec![5.0; 2],
-            reach: f64::INFINITY,
+            way: Way::Even,
         };
         let s = minimise(&problem, &[-1.2, 1.0], LIMITS, |_, _| {}).unwrap();
         assert!(s.stop.converged());
@@ -378,7 +399,7 @@ mod tests {
             f: |x: &[f64]| vec![3000.0 * (x[1] - x[0] * x[0]), 1.0 - x[0]],
             lower: vec![-5.0; 2],
             upper: vec![5.0; 2],
-            reach: f64::INFINITY,
+            way: Way::Even,
         };
         let [plain, bent] = [false, true].map(|thorough| {
             let s = minimise(&problem, &[0.5, 0.2], Limits { iterations: 20, thorough, ..LIMITS }, |_, _| {}).unwrap();
@@ -391,10 +412,39 @@ mod tests {
     #[test]
     fn a_step_keeps_within_reach() {
         let problem =
-            Test { f: |x: &[f64]| vec![10.0 * (x[0] - 4.5)], lower: vec![-9.0], upper: vec![9.0], reach: 1.0 };
+            Test { f: |x: &[f64]| vec![10.0 * (x[0] - 4.5)], lower: vec![-9.0], upper: vec![9.0], way: Way::Ratio };
         for (iterations, end) in [(1, 1.0), (2, 2.0), (20, 4.5)] {
             let s = minimise(&problem, &[0.0], Limits { iterations, thorough: true, ..LIMITS }, |_, _| {}).unwrap();
             assert!((s.x[0] - end).abs() < 1e-6, "{iterations}: {:?}", s.x);
+        }
+    }
+
+    /// What acts in proportion to a strength is found in one step, be it almost absent at the start or far too strong:
+    /// the logarithm of the strength, moved evenly, creeps.
+    #[test]
+    fn a_strength_is_found_in_one_step() {
+        let from = |way: Way, start: f64, wanted: f64| {
+            let f = move |x: &[f64]| vec![x[0].exp() - wanted, 1.0];
+            let problem = Test { f, lower: vec![-30.0], upper: vec![9.0], way };
+            minimise(&problem, &[start], Limits { iterations: 1, thorough: true, ..LIMITS }, |_, _| {}).unwrap().x[0]
+        };
+        for start in [-11.0, 0.7] {
+            let found = from(Way::Strength, start, 0.25).exp();
+            assert!((found - 0.25).abs() < 1e-5, "from {start}: {found}");
+        }
+        assert!(from(Way::Ratio, -11.0, 0.25) <= -10.0);
+        // asked for less than nothing, it vanishes
+        assert_eq!(from(Way::Strength, -1.0, -0.25), -30.0);
+    }
+
+    /// A step leads where the step back comes from, and at first it leads on by as much as the step.
+    #[test]
+    fn a_way_leads_there_and_back() {
+        for way in [Way::Even, Way::Ratio, Way::Strength] {
+            for (x, step) in [(-4.0, 0.3), (2.0, -0.9), (0.0, 7.0)] {
+                assert!((way.step_to(x, way.stepped(x, step)) - step).abs() < 1e-12, "{way:?} {x} {step}");
+                assert!((way.stepped(x, 1e-7 * step) - x - 1e-7 * step).abs() < 1e-12, "{way:?} {x} {step}");
+            }
         }
     }
 
@@ -403,7 +453,7 @@ mod tests {
     #[test]
     fn a_descent_ends_where_no_step_can_gain() {
         let corner = |x: &[f64]| vec![1.0 + 1e-4 * x[0].abs(), x[0]];
-        let problem = Test { f: corner, lower: vec![-5.0], upper: vec![5.0], reach: f64::INFINITY };
+        let problem = Test { f: corner, lower: vec![-5.0], upper: vec![5.0], way: Way::Even };
         let ends = |cost_tolerance: f64| {
             let limits = Limits { cost_tolerance, step_tolerance: 1e-300, thorough: true, ..LIMITS };
             minimise(&problem, &[0.0], limits, |_, _| {}).unwrap()
@@ -429,7 +479,7 @@ mod tests {
             },
             lower: vec![-10.0; 4],
             upper: vec![10.0; 4],
-            reach: f64::INFINITY,
+            way: Way::Even,
         };
         let s = minimise(&problem, &[3.0, -1.0, 0.0, 1.0], LIMITS, |_, _| {}).unwrap();
         assert!(s.cost < 1e-10, "{}", s.cost);
@@ -442,7 +492,7 @@ mod tests {
             f: |x: &[f64]| vec![10.0 * (x[1] - x[0] * x[0]), 1.0 - x[0]],
             lower: vec![-5.0, -5.0],
             upper: vec![0.5, 5.0],
-            reach: f64::INFINITY,
+            way: Way::Even,
         };
         let s = minimise(&problem, &[-1.2, 1.0], LIMITS, |_, _| {}).unwrap();
         assert!((s.x[0] - 0.5).abs() < 1e-12 && (s.x[1] - 0.25).abs() < 1e-5, "{:?}", s.x);
@@ -459,7 +509,7 @@ mod tests {
             f: |x: &[f64]| y.iter().zip(&t).map(|(y, t)| y - x[0] * (1.0 - (-x[1] * 1e-4 * t).exp())).collect(),
             lower: vec![1.0, 0.01],
             upper: vec![1000.0, 100.0],
-            reach: f64::INFINITY,
+            way: Way::Even,
         };
         let s = minimise(&problem, &[500.0, 1.0], LIMITS, |_, _| {}).unwrap();
         assert!((s.x[0] - 238.94212918).abs() < 1e-4, "{:?}", s.x);

@@ -2,15 +2,15 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use crate::fit::numeric::least_squares::Problem;
+use crate::fit::numeric::least_squares::{Problem, Way};
 
 /// Residuals `f` of variables in a box.
 pub(crate) struct Test<F> {
     pub f: F,
     pub lower: Vec<f64>,
     pub upper: Vec<f64>,
-    /// Of every variable in a step.
-    pub reach: f64,
+    /// Of every variable.
+    pub way: Way,
 }
 
 impl<F: Fn(&[f64]) -> Vec<f64> + Sync> Problem for Test<F> {
@@ -24,8 +24,8 @@ impl<F: Fn(&[f64]) -> Vec<f64> + Sync> Problem for Test<F> {
     fn difference_step(&self, _j: usize) -> f64 {
         1e-7
     }
-    fn reach(&self, _j: usize) -> f64 {
-        self.reach
+    fn way(&self, _j: usize) -> Way {
+        self.way
     }
 }
 

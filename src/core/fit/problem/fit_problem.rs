@@ -8,7 +8,7 @@
 use std::ops::Range;
 
 use crate::fit::data::run_data::RunData;
-use crate::fit::numeric::least_squares::Problem;
+use crate::fit::numeric::least_squares::{Problem, Way};
 use crate::fit::problem::error::FitError;
 use crate::fit::problem::latest::Latest;
 use crate::fit::problem::objective::{Bins, Objective};
@@ -425,11 +425,12 @@ impl Problem for FitProblem<'_> {
         (&self.lower, &self.upper)
     }
 
-    /// A factor of e: an element that a step makes vanish has no slope left to bring it back.
-    fn reach(&self, j: usize) -> f64 {
-        match self.parameters[j].scale {
-            Scale::Log => 1.0,
-            Scale::Linear => f64::INFINITY,
+    fn way(&self, j: usize) -> Way {
+        let parameter = &self.parameters[j];
+        match parameter.scale {
+            Scale::Linear => Way::Even,
+            Scale::Log if parameter.vanishes_at == Some(0.0) => Way::Strength,
+            Scale::Log => Way::Ratio,
         }
     }
 

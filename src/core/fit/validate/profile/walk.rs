@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use crate::fit::inference::optimum::predicted_reduction;
 use crate::fit::inference::thresholds::OPTIMUM_REDUCTION;
-use crate::fit::numeric::least_squares::{Limits, Problem, Solution, jacobian, minimise};
+use crate::fit::numeric::least_squares::{Limits, Problem, Solution, Way, jacobian, minimise};
 use crate::fit::numeric::quantiles::Z_95;
 use crate::fit::validate::thresholds::MAX_PROFILE_POINTS;
 use crate::fit::validate::thresholds::{
@@ -87,8 +87,8 @@ impl<P: Problem> Problem for Held<'_, P> {
     fn bounds(&self) -> (&[f64], &[f64]) {
         (&self.lower, &self.upper)
     }
-    fn reach(&self, j: usize) -> f64 {
-        self.inner.reach(j)
+    fn way(&self, j: usize) -> Way {
+        self.inner.way(j)
     }
     fn difference_step(&self, j: usize) -> f64 {
         self.inner.difference_step(j)
@@ -235,7 +235,7 @@ mod tests {
             f: |x: &[f64]| t.iter().map(|t| (1.0 + 2.0 * t + 0.1 * (40.0 * t).sin()) - x[0] - x[1] * t).collect(),
             lower: vec![-10.0; 2],
             upper: vec![10.0; 2],
-            reach: f64::INFINITY,
+            way: Way::Even,
         };
         // Variance of the slope: 1/Σ(t - 1)² = 1/7.7 with unit noise; four times that is worth two standard errors.
         let error = (1.0f64 / 7.7).sqrt();
@@ -258,7 +258,7 @@ mod tests {
             },
             lower: vec![0.5],
             upper: vec![100.0],
-            reach: f64::INFINITY,
+            way: Way::Even,
         };
         let best = Solution {
             x: vec![n],
@@ -288,7 +288,7 @@ mod tests {
             },
             lower: vec![-5.0; 2],
             upper: vec![7.0; 2],
-            reach: f64::INFINITY,
+            way: Way::Even,
         };
         let found = profile(&problem, &[50f64.ln(), 50f64.ln()], 1, 1.0);
         assert!(found.ends[1] == End::Open, "{:?}", found.points);
@@ -304,7 +304,7 @@ mod tests {
             f: |x: &[f64]| vec![0.3 * x[0], if x[0] > 1.0 { 1e4 - 1e-3 * (1e6 * x[1]).rem_euclid(1.0) } else { x[1] }],
             lower: vec![-20.0, -1e6],
             upper: vec![20.0, 1e6],
-            reach: f64::INFINITY,
+            way: Way::Even,
         };
         let found = profile(&problem, &[0.0, 0.0], 0, 1.0);
         assert!((at(found.ends[0]) + Z_95 / 0.3).abs() < 0.1, "{:?}", found.points);
