@@ -171,7 +171,12 @@ impl<'a> Fitter<'a> {
         for elements in fit.effects[i].elements.unwrap_or(1) + 1..=most {
             let mut more = fit.effects.clone();
             more[i] = more[i].with_elements(elements);
-            let on = self.grown(&more, &fit, STRONG_EVIDENCE)?;
+            let mut on = self.grown(&more, &fit, STRONG_EVIDENCE)?;
+            // Elements that stand in for one that was missing have far to go. From the signals they may not.
+            if let Some(unfinished) = on.take_if(|on| !on.converged) {
+                let anew = from_signals(self.rig, self.runs, &more, self.options, self.progress)?;
+                on = Some(if anew.cost < unfinished.cost { anew } else { unfinished });
+            }
             let Some(on) = on.filter(|on| on.evidence_over(&fit) >= STRONG_EVIDENCE) else { break };
             fit = on;
         }
