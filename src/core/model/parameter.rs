@@ -6,7 +6,7 @@ pub enum Scale {
     /// In equal steps.
     #[default]
     Linear,
-    /// In equal ratios; bounds are positive.
+    /// In equal ratios; bounds are positive. Where nothing is left of the effect at 0, by amounts in proportion to it.
     Log,
 }
 

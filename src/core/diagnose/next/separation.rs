@@ -279,7 +279,11 @@ impl Problem for Informed<'_> {
     }
 
     fn way(&self, j: usize) -> Way {
-        self.problem.way(j)
+        match self.problem.way(j) {
+            // what is known of one is known of its logarithm
+            Way::Strength if self.place.contains(&Some(j)) => Way::Ratio,
+            way => way,
+        }
     }
 }
 

@@ -28,5 +28,3 @@ pub(crate) const BAND_SHARE: f64 = 0.15;
 /// Predicted reduction of the sum of squares, in units of what one sample leaves, up to which a search has ended at an
 /// optimum. Derived: it is the square of the distance in standard errors, here one half.
 pub(crate) const OPTIMUM_REDUCTION: f64 = 0.25;
-/// Active sets that are tried at most, for each variable. Chosen: a guard against cycling.
-pub(crate) const ACTIVE_SETS_PER_VARIABLE: usize = 5;

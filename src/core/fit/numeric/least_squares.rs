@@ -5,8 +5,9 @@
 //! gradient pushes outwards (Kanzow, Yamashita & Fukushima 2004). The Jacobian's columns are independent simulations and
 //! run in parallel.
 
+use crate::fit::numeric::bounded_step::{predicted_reduction, step_within};
 use crate::fit::numeric::thresholds::{
-    ACCELERATION_PROBE, DAMPING_RISE, FIRST_DAMPING, FIRST_DAMPING_NEAR, MAX_ACCELERATION, MAX_STALLS, NO_DAMPING,
+    ACCELERATION_PROBE, DAMPING_RISE, FIRST_DAMPING, FIRST_DAMPING_NEAR, MAX_ACCELERATION, MAX_STALLS,
 };
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
@@ -174,6 +175,19 @@ fn geodesic_acceleration<P: Problem>(
     (acceleration.norm() <= MAX_ACCELERATION * step.norm()).then_some(acceleration)
 }
 
+/// The steps from `x` that lead to the lower and the upper bounds.
+fn room<P: Problem>(problem: &P, x: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    let (lower, upper) = problem.bounds();
+    let to = |bounds: &[f64]| (0..x.len()).map(|j| problem.way(j).step_to(x[j], bounds[j])).collect();
+    (to(lower), to(upper))
+}
+
+/// Reduction of the sum of squares that an undamped step from `x` predicts within the bounds.
+pub(crate) fn predicted_at<P: Problem>(problem: &P, columns: &[Vec<f64>], residuals: &[f64], x: &[f64]) -> f64 {
+    let (low, high) = room(problem, x);
+    predicted_reduction(columns, residuals, &vec![0.0; x.len()], (&low, &high))
+}
+
 fn half_square(residuals: &[f64]) -> f64 {
     0.5 * dot(residuals, residuals)
 }
@@ -313,13 +327,11 @@ pub fn minimise_in_view<P: Problem>(
             evaluations += 1;
             let model_fall = |by: &DVector<f64>| -(gradient.dot(by) + 0.5 * by.dot(&(&normal * by)));
             let predicted = model_fall(&moved);
-            // The fall that a step without damping predicts, as far as the box lets it go.
+            // The fall that a step without damping predicts within the box.
             let undamped_fall = || {
-                let Some(factor) = damped(NO_DAMPING).cholesky() else { return 0.0 };
-                model_fall(&steps_to(&led_by(&factor.solve(&rhs))))
+                let (low, high) = room(problem, &x);
+                model_fall(&step_within(&normal, &gradient, (&low, &high)))
             };
-            let most_fall =
-                || damped(NO_DAMPING).cholesky().map_or(f64::INFINITY, |factor| 0.5 * rhs.dot(&factor.solve(&rhs)));
             if limits.thorough
                 && let Some(acceleration) =
                     geodesic_acceleration(problem, &x, &residuals, &columns, &free, &scale, &step, &factor)
@@ -352,8 +364,8 @@ pub fn minimise_in_view<P: Problem>(
                     }
                     break;
                 }
-                // Where even an undamped step beyond all bounds would gain nothing, no shorter one does.
-                _ if most_fall() <= limits.cost_tolerance * cost => {
+                // Where even an undamped step would gain nothing, no shorter one does.
+                _ if undamped_fall() <= limits.cost_tolerance * cost => {
                     stop = Stop::CostSettled;
                     break 'outer;
                 }
@@ -435,6 +447,30 @@ mod tests {
         assert!(from(Way::Ratio, -11.0, 0.25) <= -10.0);
         // asked for less than nothing, it vanishes
         assert_eq!(from(Way::Strength, -1.0, -0.25), -30.0);
+    }
+
+    /// Two strengths whose traces are nearly alike, one of them absent: a descent ends at the best that strengths of no
+    /// less than nothing allow, and no step is predicted to lower it.
+    #[test]
+    fn of_two_strengths_alike_the_absent_one_vanishes() {
+        let t: Vec<f64> = (0..50).map(|i| f64::from(i) / 25.0).collect();
+        let trace = |x: &[f64]| -> Vec<f64> {
+            t.iter().map(|t| x[0].exp() * (-t).exp() + x[1].exp() * (-1.05 * t).exp()).collect()
+        };
+        let shown: Vec<f64> = t.iter().map(|t| 0.3 * (-0.95 * t).exp()).collect();
+        let f = |x: &[f64]| trace(x).iter().zip(&shown).map(|(a, b)| (a - b) / 1e-4).collect::<Vec<f64>>();
+        for start in [[-3.0, -3.0], [-11.0, -1.0], [-1.0, -11.0], [0.5, 0.5]] {
+            let problem = Test { f, lower: vec![-14.0; 2], upper: vec![3.0; 2], way: Way::Strength };
+            let limits = Limits { cost_tolerance: 1e-6, thorough: true, ..LIMITS };
+            let s = minimise(&problem, &start, limits, |_, _| {}).unwrap();
+            // alone, the slower one leaves least: the projection of what is shown on its trace
+            let slow: Vec<f64> = t.iter().map(|t| (-t).exp()).collect();
+            let alone = dot(&slow, &shown) / dot(&slow, &slow);
+            assert!((s.x[0].exp() / alone - 1.0).abs() < 1e-3 && s.x[1] < -13.0, "{start:?}: {:?} {alone}", s.x);
+            let columns = jacobian(&problem, &s.x, &s.residuals).unwrap();
+            let left = predicted_at(&problem, &columns, &s.residuals, &s.x);
+            assert!(left < 1e-5 * 2.0 * s.cost, "{start:?}: {left} of {}", 2.0 * s.cost);
+        }
     }
 
     /// A step leads where the step back comes from, and at first it leads on by as much as the step.

@@ -1,5 +1,6 @@
 //! Numerical methods that know nothing of pipes: least squares, global searches, linear algebra of errors.
 
+pub(crate) mod bounded_step;
 pub(crate) mod cma;
 pub(crate) mod convergence;
 pub(crate) mod evolution;

@@ -42,11 +42,9 @@ pub(crate) const FIRST_DAMPING: f64 = 1e-3;
 /// The same from a start that is near: there a damped step creeps along a flat valley, and a step that is too long
 /// costs a trial but no Jacobian. Tuned; data unknown.
 pub(crate) const FIRST_DAMPING_NEAR: f64 = 1e-7;
-/// By how much a step in vain raises the damping: as much as the best step lowers it, for a trial costs far less than
-/// the Jacobian of a step that is too short (Transtrum & Sethna 2012; there 2 to 3).
+/// By how much a step in vain raises the damping: as much as the best step lowers it. Chosen; Transtrum & Sethna (2012)
+/// raise by 2 and lower by 3.
 pub(crate) const DAMPING_RISE: f64 = 3.0;
-/// Damping that stands for none. Chosen.
-pub(crate) const NO_DAMPING: f64 = 1e-11;
 /// Steps in a row that gain less than the tolerance, though more seems to be left, after which the descent stops.
 /// Tuned; data unknown.
 pub(crate) const MAX_STALLS: usize = 8;
@@ -74,3 +72,6 @@ pub(crate) const AIM_REACHED: f64 = 0.03;
 pub(crate) const MOST_SOLVING_STEPS: usize = 12;
 /// Steps of variables cut off at bounds or halved, after which the aim lies out of bounds. Chosen.
 pub(crate) const MOST_CUT_STEPS: usize = 6;
+
+/// Active sets that are tried at most, for each variable. Chosen: a guard against cycling.
+pub(crate) const ACTIVE_SETS_PER_VARIABLE: usize = 5;

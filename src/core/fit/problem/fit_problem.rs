@@ -429,7 +429,8 @@ impl Problem for FitProblem<'_> {
         let parameter = &self.parameters[j];
         match parameter.scale {
             Scale::Linear => Way::Even,
-            Scale::Log if parameter.vanishes_at == Some(0.0) => Way::Strength,
+            // what is known of one is known of its logarithm
+            Scale::Log if parameter.vanishes_at == Some(0.0) && parameter.prior.is_none() => Way::Strength,
             Scale::Log => Way::Ratio,
         }
     }

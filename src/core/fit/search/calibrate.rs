@@ -174,8 +174,8 @@ impl<'a> Fitter<'a> {
             let mut on = self.grown(&more, &fit, STRONG_EVIDENCE)?;
             // Elements that stand in for one that was missing have far to go. From the signals they may not.
             if let Some(unfinished) = on.take_if(|on| !on.converged) {
-                let anew = from_signals(self.rig, self.runs, &more, self.options, self.progress)?;
-                on = Some(if anew.cost < unfinished.cost { anew } else { unfinished });
+                let anew = from_signals(self.rig, self.runs, &more, self.options, self.progress).ok();
+                on = anew.filter(|anew| anew.cost < unfinished.cost).or(Some(unfinished));
             }
             let Some(on) = on.filter(|on| on.evidence_over(&fit) >= STRONG_EVIDENCE) else { break };
             fit = on;

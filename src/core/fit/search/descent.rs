@@ -4,9 +4,8 @@ use std::borrow::Cow;
 
 use nalgebra::DVector;
 
-use crate::fit::inference::optimum::predicted_reduction;
 use crate::fit::inference::thresholds::OPTIMUM_REDUCTION;
-use crate::fit::numeric::least_squares::{Limits, Problem, Solution, Stop, jacobian};
+use crate::fit::numeric::least_squares::{Limits, Problem, Solution, Stop, jacobian, predicted_at};
 use crate::fit::numeric::uncertainty::correlation_inflation;
 use crate::fit::problem::fit_problem::FitProblem;
 use crate::fit::search::calibrator::Calibrator;
@@ -42,7 +41,7 @@ fn over_one_sample<'a>(
     columns: Cow<'a, [Vec<f64>]>,
 ) -> PredictedReduction<'a> {
     let of_one = (2.0 * solution.cost / problem.samples().max(1) as f64).max(f64::MIN_POSITIVE);
-    let reduction = predicted_reduction(&columns, &solution.residuals, &solution.x, problem.bounds()) / of_one;
+    let reduction = predicted_at(problem, &columns, &solution.residuals, &solution.x) / of_one;
     PredictedReduction { reduction, columns }
 }
 

@@ -14,8 +14,8 @@
 use nalgebra::DVector;
 use rayon::prelude::*;
 
-use crate::fit::inference::optimum::{bounded_step, reduction_of};
 use crate::fit::inference::thresholds::OPTIMUM_REDUCTION;
+use crate::fit::numeric::bounded_step::{bounded_step, reduction_of};
 use crate::fit::numeric::least_squares::{Limits, Problem, Solution, have_met, jacobian};
 use crate::fit::problem::elements::{Element, elements, free_elements};
 use crate::fit::problem::fit_problem::FitProblem;

@@ -6,9 +6,8 @@
 
 use rayon::prelude::*;
 
-use crate::fit::inference::optimum::predicted_reduction;
 use crate::fit::inference::thresholds::OPTIMUM_REDUCTION;
-use crate::fit::numeric::least_squares::{Limits, Problem, Solution, Way, jacobian, minimise};
+use crate::fit::numeric::least_squares::{Limits, Problem, Solution, Way, jacobian, minimise, predicted_at};
 use crate::fit::numeric::quantiles::Z_95;
 use crate::fit::validate::thresholds::MAX_PROFILE_POINTS;
 use crate::fit::validate::thresholds::{
@@ -197,8 +196,7 @@ fn descend<P: Problem>(problem: &P, start: &Start, at: f64, from: &[Vec<f64>], s
     };
     let rise = 2.0 * (found.cost - best.cost) / unit;
     let enough = OPTIMUM_REDUCTION.max(UNRESOLVED_SHARE * rise);
-    let at_optimum =
-        |columns: &[Vec<f64>]| predicted_reduction(columns, &found.residuals, &found.x, held.bounds()) / unit <= enough;
+    let at_optimum = |columns: &[Vec<f64>]| predicted_at(&held, columns, &found.residuals, &found.x) / unit <= enough;
     let resolved = at_optimum(&found.columns) || {
         // The columns of the last step may be out of date.
         side.evaluations += found.x.len();
