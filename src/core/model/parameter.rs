@@ -6,7 +6,7 @@ pub enum Scale {
     /// In equal steps.
     #[default]
     Linear,
-    /// In equal ratios; bounds are positive. Where nothing is left of the effect at 0, by amounts in proportion to it.
+    /// In equal ratios; bounds are positive. Strengths go by amounts, see [`Parameter::is_strength`].
     Log,
 }
 
@@ -76,6 +76,11 @@ impl Parameter {
         upper: f64,
     ) -> Self {
         Parameter { scale: Scale::Linear, ..Parameter::log(name, unit, about, start, lower, upper) }
+    }
+
+    /// Whether it is a strength: positive, and nothing is left of the effect at 0.
+    pub fn is_strength(&self) -> bool {
+        self.scale == Scale::Log && self.vanishes_at == Some(0.0)
     }
 
     /// Sets the prior.

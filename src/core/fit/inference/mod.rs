@@ -4,5 +4,4 @@ pub mod errors;
 pub mod identify;
 pub mod interval;
 pub mod noise_autocorrelation;
-pub(crate) mod optimum;
 pub(crate) mod thresholds;

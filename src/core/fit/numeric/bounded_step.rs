@@ -10,14 +10,6 @@ use crate::fit::numeric::thresholds::ACTIVE_SETS_PER_VARIABLE;
 use crate::fit::numeric::uncertainty::determined_inverse;
 use crate::product::{along, gram, plus};
 
-/// Reduction of the sum of squares that the linearised problem predicts from `x` within its `bounds`, never negative.
-///
-/// Least squares in a box by active sets (Stark & Parker 1995, Comput. Stat. 10, 129): each step lowers the sum, and a
-/// variable that a bound has stopped is released where that lowers it further.
-pub(crate) fn predicted_reduction(columns: &[Vec<f64>], residuals: &[f64], x: &[f64], bounds: (&[f64], &[f64])) -> f64 {
-    reduction_of(columns, residuals, &bounded_step(columns, residuals, x, bounds))
-}
-
 /// Reduction of the sum of squares that a step of the linearised problem brings, never negative.
 pub(crate) fn reduction_of(columns: &[Vec<f64>], residuals: &[f64], step: &DVector<f64>) -> f64 {
     let left = plus(residuals, columns, step.as_slice());
@@ -25,7 +17,7 @@ pub(crate) fn reduction_of(columns: &[Vec<f64>], residuals: &[f64], step: &DVect
     residuals.iter().zip(left).map(|(r, l)| (r - l) * (r + l)).sum::<f64>().max(0.0)
 }
 
-/// The step that brings the predicted reduction.
+/// The step from `x` that takes most off the sum of squares of the linearised problem within its `bounds`.
 pub(crate) fn bounded_step(
     columns: &[Vec<f64>],
     residuals: &[f64],
@@ -37,6 +29,9 @@ pub(crate) fn bounded_step(
 }
 
 /// The same of `JᵀJ` and `Jᵀr`, where steps from `low` to `high` are within the bounds.
+///
+/// Least squares in a box by active sets (Stark & Parker 1995, Comput. Stat. 10, 129): each step lowers the sum, and a
+/// variable that a bound has stopped is released where that lowers it further.
 pub(crate) fn step_within(
     normal: &DMatrix<f64>,
     gradient: &DVector<f64>,
@@ -90,6 +85,10 @@ fn undamped(normal: &DMatrix<f64>, slope: &DVector<f64>, free: &[usize]) -> DVec
 mod tests {
     use super::*;
     use crate::product::dot;
+
+    fn predicted_reduction(columns: &[Vec<f64>], residuals: &[f64], x: &[f64], bounds: (&[f64], &[f64])) -> f64 {
+        reduction_of(columns, residuals, &bounded_step(columns, residuals, x, bounds))
+    }
 
     /// A line through noisy points: from any place, the prediction is what solving it gains.
     #[test]

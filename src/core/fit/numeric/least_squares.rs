@@ -5,7 +5,9 @@
 //! gradient pushes outwards (Kanzow, Yamashita & Fukushima 2004). The Jacobian's columns are independent simulations and
 //! run in parallel.
 
-use crate::fit::numeric::bounded_step::{predicted_reduction, step_within};
+use std::cell::LazyCell;
+
+use crate::fit::numeric::bounded_step::{reduction_of, step_within};
 use crate::fit::numeric::thresholds::{
     ACCELERATION_PROBE, DAMPING_RISE, FIRST_DAMPING, FIRST_DAMPING_NEAR, MAX_ACCELERATION, MAX_STALLS,
 };
@@ -185,7 +187,7 @@ fn room<P: Problem>(problem: &P, x: &[f64]) -> (Vec<f64>, Vec<f64>) {
 /// Reduction of the sum of squares that an undamped step from `x` predicts within the bounds.
 pub(crate) fn predicted_at<P: Problem>(problem: &P, columns: &[Vec<f64>], residuals: &[f64], x: &[f64]) -> f64 {
     let (low, high) = room(problem, x);
-    predicted_reduction(columns, residuals, &vec![0.0; x.len()], (&low, &high))
+    reduction_of(columns, residuals, &step_within(&gram(columns), &along(columns, residuals), (&low, &high)))
 }
 
 fn half_square(residuals: &[f64]) -> f64 {
@@ -285,16 +287,30 @@ pub fn minimise_in_view<P: Problem>(
             stop = Stop::Stationary;
             break;
         }
+        // Marquardt's scaling: the damped system is solved in units of each column's norm.
+        let damped = |damping: f64| {
+            DMatrix::from_fn(free.len(), free.len(), |a, b| {
+                let (i, j) = (free[a], free[b]);
+                let unit = normal[(i, j)] / (scale[i] * scale[j]);
+                if a == b { unit + damping } else { unit }
+            })
+        };
+        let rhs = DVector::from_iterator(free.len(), free.iter().map(|&j| -gradient[j] / scale[j]));
+        let led_by = |step: &DVector<f64>| {
+            let mut end = x.clone();
+            for (a, &j) in free.iter().enumerate() {
+                end[j] = problem.way(j).stepped(x[j], step[a] / scale[j]);
+            }
+            clamp(&mut end);
+            end
+        };
+        let model_fall = |by: &DVector<f64>| -(gradient.dot(by) + 0.5 * by.dot(&(&normal * by)));
+        // The fall that a step without damping predicts within the box.
+        let undamped_fall = LazyCell::new(|| {
+            let (low, high) = room(problem, &x);
+            model_fall(&step_within(&normal, &gradient, (&low, &high)))
+        });
         loop {
-            // Marquardt's scaling: the damped system is solved in units of each column's norm.
-            let damped = |damping: f64| {
-                DMatrix::from_fn(free.len(), free.len(), |a, b| {
-                    let (i, j) = (free[a], free[b]);
-                    let unit = normal[(i, j)] / (scale[i] * scale[j]);
-                    if a == b { unit + damping } else { unit }
-                })
-            };
-            let rhs = DVector::from_iterator(free.len(), free.iter().map(|&j| -gradient[j] / scale[j]));
             let Some(factor) = damped(damping).cholesky() else {
                 damping = (damping * 10.0).max(1e-10);
                 if damping > 1e16 {
@@ -308,30 +324,15 @@ pub fn minimise_in_view<P: Problem>(
                 let share = |(a, &j): (usize, &usize)| problem.way(j).longest() * scale[j] / step[a].abs();
                 step *= free.iter().enumerate().map(share).fold(1.0, f64::min);
             }
-            let led_by = |step: &DVector<f64>| {
-                let mut end = x.clone();
-                for (a, &j) in free.iter().enumerate() {
-                    end[j] = problem.way(j).stepped(x[j], step[a] / scale[j]);
-                }
-                clamp(&mut end);
-                end
-            };
             let mut trial = led_by(&step);
-            let steps_to = |end: &[f64]| DVector::from_fn(n, |j, _| problem.way(j).step_to(x[j], end[j]));
-            let moved = steps_to(&trial);
+            let moved = DVector::from_fn(n, |j, _| problem.way(j).step_to(x[j], trial[j]));
             let largest = moved.amax();
             if largest <= limits.step_tolerance {
                 stop = Stop::VariablesSettled;
                 break 'outer;
             }
             evaluations += 1;
-            let model_fall = |by: &DVector<f64>| -(gradient.dot(by) + 0.5 * by.dot(&(&normal * by)));
             let predicted = model_fall(&moved);
-            // The fall that a step without damping predicts within the box.
-            let undamped_fall = || {
-                let (low, high) = room(problem, &x);
-                model_fall(&step_within(&normal, &gradient, (&low, &high)))
-            };
             if limits.thorough
                 && let Some(acceleration) =
                     geodesic_acceleration(problem, &x, &residuals, &columns, &free, &scale, &step, &factor)
@@ -344,7 +345,10 @@ pub fn minimise_in_view<P: Problem>(
                 Some((new_cost, new_residuals)) if new_cost < cost => {
                     let ratio = (cost - new_cost) / predicted.max(f64::MIN_POSITIVE);
                     let fall = (cost - new_cost) / cost;
-                    let left = undamped_fall() - (cost - new_cost);
+                    let settles = fall <= limits.cost_tolerance && ratio > 0.1;
+                    let goes_on = settles
+                        && limits.thorough
+                        && *undamped_fall - (cost - new_cost) > limits.cost_tolerance * new_cost;
                     x = trial;
                     residuals = new_residuals;
                     cost = new_cost;
@@ -353,9 +357,9 @@ pub fn minimise_in_view<P: Problem>(
                     progress(iterations, cost, &x);
                     if fall > limits.cost_tolerance {
                         stalls = 0;
-                    } else if ratio > 0.1 {
+                    } else if settles {
                         stalls += 1;
-                        if !limits.thorough || left <= limits.cost_tolerance * cost || stalls >= MAX_STALLS {
+                        if !goes_on || stalls >= MAX_STALLS {
                             stop = Stop::CostSettled;
                             break 'outer;
                         }
@@ -365,7 +369,7 @@ pub fn minimise_in_view<P: Problem>(
                     break;
                 }
                 // Where even an undamped step would gain nothing, no shorter one does.
-                _ if undamped_fall() <= limits.cost_tolerance * cost => {
+                _ if *undamped_fall <= limits.cost_tolerance * cost => {
                     stop = Stop::CostSettled;
                     break 'outer;
                 }

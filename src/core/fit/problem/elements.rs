@@ -24,9 +24,8 @@ pub(crate) fn elements(problem: &FitProblem) -> Vec<Element> {
         }
         at += size;
     }
-    let vanishes = |e: &Element| problem.parameters[e.strength].vanishes_at == Some(0.0);
-    let logarithmic = |e: &Element| [e.strength, e.time].iter().all(|&j| problem.parameters[j].scale == Scale::Log);
-    elements.retain(|e| vanishes(e) && logarithmic(e));
+    let of = |j: usize| &problem.parameters[j];
+    elements.retain(|e| of(e.strength).is_strength() && of(e.time).scale == Scale::Log);
     elements
 }
 

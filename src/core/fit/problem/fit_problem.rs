@@ -430,7 +430,7 @@ impl Problem for FitProblem<'_> {
         match parameter.scale {
             Scale::Linear => Way::Even,
             // what is known of one is known of its logarithm
-            Scale::Log if parameter.vanishes_at == Some(0.0) && parameter.prior.is_none() => Way::Strength,
+            Scale::Log if parameter.is_strength() && parameter.prior.is_none() => Way::Strength,
             Scale::Log => Way::Ratio,
         }
     }

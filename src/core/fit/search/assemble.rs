@@ -8,7 +8,6 @@ use std::sync::atomic::Ordering;
 use crate::fit::inference::errors::{Errors, InTime, Linearised, Moments};
 use crate::fit::inference::identify::unidentifiable;
 use crate::fit::inference::interval::linear;
-use crate::fit::inference::optimum::not_at_optimum;
 use crate::fit::numeric::least_squares::{Problem, Solution, jacobian};
 use crate::fit::numeric::uncertainty::{correlation, gauss_newton_step};
 use crate::fit::outcome::band::{curve_sd_m, half_width_m};
@@ -20,6 +19,7 @@ use crate::fit::problem::elements::fixed_variables;
 use crate::fit::problem::error::FitError;
 use crate::fit::problem::fit_problem::{FitProblem, Modelled, Window};
 use crate::fit::problem::hum::without_hum;
+use crate::fit::problem::method::Method;
 use crate::fit::problem::objective::Objective;
 use crate::fit::problem::rows::CommonError;
 use crate::fit::search::calibrator::Calibrator;
@@ -315,4 +315,17 @@ pub(crate) fn moments_of(
     let records = problem.rows.record_rows();
     let (residuals, at_bound) = (&solution.residuals, &solution.at_bound);
     Linearised { columns, residuals, records: &records, common, at_bound, in_time: None }.moments(None)
+}
+
+/// Why an end is no optimum, from where a step predicts a reduction by this `share` of the sum of squares, and by so
+/// much in units of what one independent sample leaves; and what to do.
+fn not_at_optimum(share: f64, reduction: f64, method: Method) -> String {
+    let share = 100.0 * share.min(1.0);
+    let digits = if share < 0.1 { 3 } else { usize::from(share < 10.0) };
+    format!(
+        "the search did not reach an optimum (a descent from its end would take {share:.digits$}% off the sum of squares, and some values \
+         may be off by {:.0} standard errors); {}",
+        reduction.sqrt().max(1.0),
+        method.advice()
+    )
 }

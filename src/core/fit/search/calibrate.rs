@@ -19,7 +19,7 @@ use crate::fit::problem::error::FitError;
 use crate::fit::problem::method::Method;
 use crate::fit::progress::{OnProgress, Progress};
 use crate::fit::search::calibrator::{Calibrator, Estimate};
-use crate::fit::search::descent::polishing;
+use crate::fit::search::descent::polishing_from;
 use crate::fit::search::finish::{descend, finish};
 use crate::fit::search::from_signals::{fit_coarsely, from_signals, growing};
 use crate::fit::search::options::{Effort, Options};
@@ -286,7 +286,7 @@ impl<'a> Fitter<'a> {
         let tried = starts.par_iter().map(|values| from(&some, values, SCREENING)).collect::<Result<Vec<_>, _>>()?;
         let best = tried.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
         let (Some(absent), Some(best)) = (starts.last(), best) else { return Ok(None) };
-        let best = from(&all, &best.values, polishing(&ctx, &all, &best.values, SCREENING)?)?;
+        let best = from(&all, &best.values, polishing_from(&ctx, &all, &best.values, SCREENING)?)?;
         if from(&all, absent, EVALUATE_ONLY)?.cost - best.cost < least_gain {
             return Ok(None);
         }

@@ -1,15 +1,13 @@
-//! What a descent could still gain where it ended, and values along a step that lower the cost.
+//! What a descent could still gain where it ended, and how far one is worth its cost.
 
 use std::borrow::Cow;
-
-use nalgebra::DVector;
 
 use crate::fit::inference::thresholds::OPTIMUM_REDUCTION;
 use crate::fit::numeric::least_squares::{Limits, Problem, Solution, Stop, jacobian, predicted_at};
 use crate::fit::numeric::uncertainty::correlation_inflation;
 use crate::fit::problem::fit_problem::FitProblem;
 use crate::fit::search::calibrator::Calibrator;
-use crate::fit::search::thresholds::{POLISH_REDUCTION, STEP_SHARES};
+use crate::fit::search::thresholds::POLISH_REDUCTION;
 use crate::model::ModelError;
 
 /// The reduction that an undamped step predicts.
@@ -45,53 +43,26 @@ fn over_one_sample<'a>(
     PredictedReduction { reduction, columns }
 }
 
-/// The limits of a descent from these values: it ends where the fall of the sum of squares is not worth another
-/// iteration, and not before the tolerance of `limits`. Samples whose errors are alike count once.
+/// The limits of a descent from where these are the residuals: it ends where the fall of the sum of squares is not worth
+/// another iteration, and not before the tolerance of `limits`. Samples whose errors are alike count once.
+pub(crate) fn polishing(problem: &FitProblem, residuals: &[f64], limits: Limits) -> Limits {
+    let samples = problem.samples();
+    let worth = POLISH_REDUCTION * correlation_inflation(&residuals[..samples]) / samples.max(1) as f64;
+    Limits { cost_tolerance: worth.min(limits.cost_tolerance), ..limits }
+}
+
+/// The same from these values.
 ///
 /// # Errors
 /// Values that cannot be evaluated.
-pub(crate) fn polishing(
+pub(crate) fn polishing_from(
     ctx: &Calibrator,
     problem: &FitProblem,
     values: &[f64],
     limits: Limits,
 ) -> Result<Limits, ModelError> {
-    let samples = problem.samples();
     ctx.count(1);
-    let alike = correlation_inflation(&problem.residuals(&problem.variables(values))?[..samples]);
-    let worth = POLISH_REDUCTION * alike / samples.max(1) as f64;
-    Ok(Limits { cost_tolerance: worth.min(limits.cost_tolerance), ..limits })
-}
-
-/// The columns of a Jacobian by the values instead of the variables.
-pub(crate) fn by_value(problem: &FitProblem, columns: &[Vec<f64>], values: &[f64]) -> Vec<Vec<f64>> {
-    let of = |(j, column): (usize, &Vec<f64>)| {
-        let stretch = problem.stretch(j, values[j]);
-        column.iter().map(|c| c / stretch).collect()
-    };
-    columns.iter().enumerate().map(of).collect()
-}
-
-/// Values after a step, or after a share of it, that cost less than `cost`; none where no share does.
-pub(crate) fn lower_along(
-    ctx: &Calibrator,
-    problem: &FitProblem,
-    values: &[f64],
-    step: &DVector<f64>,
-    cost: f64,
-) -> Result<Option<Vec<f64>>, ModelError> {
-    let (lower, upper) = problem.bounds();
-    let (lower, upper) = (problem.values(lower), problem.values(upper));
-    for share in STEP_SHARES {
-        let there: Vec<f64> =
-            (0..values.len()).map(|j| (values[j] + share * step[j]).clamp(lower[j], upper[j])).collect();
-        ctx.count(1);
-        let residuals = problem.residuals(&problem.variables(&there))?;
-        if 0.5 * residuals.iter().map(|r| r * r).sum::<f64>() < cost {
-            return Ok(Some(there));
-        }
-    }
-    Ok(None)
+    Ok(polishing(problem, &problem.residuals(&problem.variables(values))?, limits))
 }
 
 /// The Jacobian's columns at a solution; those of the last step where the descent converged.

@@ -9,7 +9,7 @@ use crate::fit::problem::error::FitError;
 use crate::fit::problem::fit_problem::{FitProblem, Window};
 use crate::fit::search::assemble::{assemble, moments_of};
 use crate::fit::search::calibrator::{Calibrator, Estimate};
-use crate::fit::search::descent::{polishing, slopes};
+use crate::fit::search::descent::{polishing_from, slopes};
 use crate::fit::search::options::Effort;
 use crate::fit::search::polish::polish;
 use crate::fit::search::thresholds::{FINAL, FINAL_REACHES, GRID_REFINEMENT, MAX_GRID_PULL, SCREENING};
@@ -94,7 +94,7 @@ pub(crate) fn last_descent<'m>(
     let whole = ctx.whole(reaches);
     let problem = if is_brief(ctx) { ctx.passing(model, whole) } else { ctx.problem(model, whole) };
     problem.validate_constraints(&model.constraints)?;
-    let limits = polishing(ctx, &problem, &values, patient(ctx, FINAL))?;
+    let limits = polishing_from(ctx, &problem, &values, patient(ctx, FINAL))?;
     let solution = polish(ctx, &problem, &values, limits)?;
     Ok((problem, solution))
 }

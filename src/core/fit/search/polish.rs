@@ -27,7 +27,7 @@ pub(crate) fn polish(
             break;
         }
         let from = problem.values(&solution.x);
-        let limits = polishing(ctx, problem, &from, limits)?;
+        let limits = polishing(problem, &solution.residuals, limits);
         let again = ctx.minimise(problem, &from, limits, "all samples, restarted")?;
         let fall = solution.cost - again.cost;
         if fall > 0.0 {

@@ -20,8 +20,8 @@ use crate::fit::numeric::least_squares::{Limits, Problem, Solution, have_met, ja
 use crate::fit::problem::elements::{Element, elements, free_elements};
 use crate::fit::problem::fit_problem::FitProblem;
 use crate::fit::search::calibrator::Calibrator;
-use crate::fit::search::descent::{by_value, lower_along, polishing, predict_reduction, slopes};
-use crate::fit::search::thresholds::{ELEMENT_NOISE_REDUCTION, LEADING, NO_COMPLIANCE, PROBED_TIMES};
+use crate::fit::search::descent::{polishing_from, predict_reduction, slopes};
+use crate::fit::search::thresholds::{ELEMENT_NOISE_REDUCTION, LEADING, NO_COMPLIANCE, PROBED_TIMES, STEP_SHARES};
 use crate::model::ModelError;
 
 /// One more element, of one retardation time.
@@ -59,7 +59,7 @@ pub(crate) fn prune_elements(
         // Some samples and a coarser grid show the way, the problem itself the place.
         let mut near = ctx.passing(problem.model, ctx.compared(problem.window().reaches));
         near.hold(&held(problem), &from);
-        let on_the_way = polishing(ctx, &near, &from, limits)?;
+        let on_the_way = polishing_from(ctx, &near, &from, limits)?;
         let there = ctx.minimise(&near, &from, on_the_way, "one element placed again")?;
         let here = |end: &Solution| have_met(&end.residuals, &there.residuals, on_the_way.cost_tolerance * end.cost);
         if ends.iter().any(here) {
@@ -131,6 +131,37 @@ fn with_one_less(
     fewer.hold(&[held(problem), vec![element.strength, element.time]].concat(), from);
     let solution = ctx.minimise(&fewer, from, limits, "all samples, one element less")?;
     Ok((*element, prune_elements(ctx, &fewer, solution, limits)?))
+}
+
+/// The columns of a Jacobian by the values instead of the variables.
+fn by_value(problem: &FitProblem, columns: &[Vec<f64>], values: &[f64]) -> Vec<Vec<f64>> {
+    let of = |(j, column): (usize, &Vec<f64>)| {
+        let stretch = problem.stretch(j, values[j]);
+        column.iter().map(|c| c / stretch).collect()
+    };
+    columns.iter().enumerate().map(of).collect()
+}
+
+/// Values after a step, or after a share of it, that cost less than `cost`; none where no share does.
+fn lower_along(
+    ctx: &Calibrator,
+    problem: &FitProblem,
+    values: &[f64],
+    step: &DVector<f64>,
+    cost: f64,
+) -> Result<Option<Vec<f64>>, ModelError> {
+    let (lower, upper) = problem.bounds();
+    let (lower, upper) = (problem.values(lower), problem.values(upper));
+    for share in STEP_SHARES {
+        let there: Vec<f64> =
+            (0..values.len()).map(|j| (values[j] + share * step[j]).clamp(lower[j], upper[j])).collect();
+        ctx.count(1);
+        let residuals = problem.residuals(&problem.variables(&there))?;
+        if 0.5 * residuals.iter().map(|r| r * r).sum::<f64>() < cost {
+            return Ok(Some(there));
+        }
+    }
+    Ok(None)
 }
 
 /// The variables that a problem holds.

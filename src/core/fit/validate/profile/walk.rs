@@ -1,6 +1,6 @@
 //! The walk along one variable of a profile: where all others are at their optimum, and where it ends.
 //!
-//! A point counts where the descent of all other variables has reached an optimum ([`crate::fit::inference::optimum`]):
+//! A point counts where the descent of all other variables has reached an optimum ([`predicted_at`]):
 //! elsewhere the sum of squares shows neither that the threshold is passed nor that it is not. Such a point is tried
 //! again from other starts, then replaced by a nearer one.
 
