@@ -7,7 +7,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::fit::numeric::population::{Member, evaluated, normal, sort};
-use crate::fit::numeric::thresholds::{CMA_LEAST_SPREAD, CMA_SPREAD_TOLERANCE};
+use crate::fit::numeric::thresholds::{CMA_LEAST_SPREAD, SPREAD_TOLERANCE};
 
 /// The points of a generation are drawn from here.
 struct Cloud {
@@ -82,7 +82,7 @@ pub(crate) fn minimise(
             best = generation[0].clone();
         }
         on_generation(spent, best.cost);
-        if worst - least <= CMA_SPREAD_TOLERANCE * least || !cloud.learn(&rates, &generation) {
+        if worst - least <= SPREAD_TOLERANCE * least || !cloud.learn(&rates, &generation) {
             break;
         }
     }

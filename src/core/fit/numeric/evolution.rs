@@ -9,8 +9,7 @@
 use crate::fit::numeric::cma;
 use crate::fit::numeric::population::{Member, evaluated, normal, sort};
 use crate::fit::numeric::thresholds::{
-    ARCHIVE_SIZE, BEST_SHARE, EVOLUTION_SPREAD_TOLERANCE, EXPLORATION_SHARE, LEAST_MEMBERS, MEMBERS_PER_VARIABLE,
-    MEMORY_SIZE,
+    ARCHIVE_SIZE, BEST_SHARE, LEAST_MEMBERS, MEMBERS_PER_VARIABLE, MEMORY_SIZE, SPREAD_TOLERANCE,
 };
 
 /// A child and the settings that made it.
@@ -47,11 +46,10 @@ pub(crate) fn minimise(
     let mut archive: Vec<Vec<f64>> = Vec::new();
     let mut memory = Memory { f: [0.5; MEMORY_SIZE], cr: [Some(0.5); MEMORY_SIZE], next: 0 };
     sort(&mut members);
-    let explored = (EXPLORATION_SHARE * budget as f64) as usize;
-    while members.len() >= LEAST_MEMBERS && spent < explored {
+    while members.len() >= LEAST_MEMBERS && spent < budget / 2 {
         let (least, worst) = (members[0].cost, members[members.len() - 1].cost);
         on_generation(spent, least);
-        if worst - least <= EVOLUTION_SPREAD_TOLERANCE * least {
+        if worst - least <= SPREAD_TOLERANCE * least {
             break;
         }
         let trials: Vec<Trial> = (0..members.len().min(budget - spent))

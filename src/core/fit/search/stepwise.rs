@@ -11,7 +11,7 @@
 
 use std::sync::atomic::Ordering;
 
-use crate::fit::numeric::least_squares::{Problem, minimise};
+use crate::fit::numeric::least_squares::{Limits, Problem, minimise};
 use crate::fit::outcome::fit::{Fit, StepTaken};
 use crate::fit::problem::error::FitError;
 use crate::fit::problem::feature::{DirectionProblem, Feature, FeatureProblem};
@@ -21,10 +21,7 @@ use crate::fit::problem::valve_curve::{TwoStage, read_back, valve_sensor};
 use crate::fit::progress::Progress;
 use crate::fit::search::calibrator::{Calibrator, Estimate};
 use crate::fit::search::finish::{finish, without_descent};
-use crate::fit::search::thresholds::{
-    COARSE, COARSE_REACHES, FEATURE_ROUND_GAIN, FEATURE_ROUNDS, FINAL_REACHES, LOCKING_PERIODS, RECORD_ROUND_GAIN,
-    RECORD_ROUNDS,
-};
+use crate::fit::search::thresholds::{COARSE, COARSE_REACHES, FINAL_REACHES, LOCKING, LOCKING_PERIODS, SCREENING};
 use crate::model::{Model, ModelError};
 
 /// One step: which variables it moves, and by what.
@@ -240,39 +237,37 @@ pub(crate) fn stepwise(ctx: &Calibrator, model: &Model) -> Result<(Estimate, Ste
     groups.keep_visible(&mut lower, &mut upper, period_s);
     let mut walk = StepwiseWalk { ctx, values, taken: Vec::new(), bounds: (lower, upper) };
     let mut round = 0;
-    let mut rounds =
-        |walk: &mut StepwiseWalk, problem: &FitProblem, plan: &[Step], most: usize, worth: f64, on: bool| {
-            for _ in 0..most {
-                let (before, since) = (walk.cost(problem)?, walk.values.clone());
-                round += 1;
-                walk.round(problem, plan, round)?;
-                if on {
-                    walk.further(problem, &since, round)?;
-                }
-                if walk.stopped() || walk.cost(problem)? > (1.0 - worth) * before {
-                    break;
-                }
+    let mut rounds = |walk: &mut StepwiseWalk, problem: &FitProblem, plan: &[Step], limits: Limits, on: bool| {
+        for _ in 0..limits.iterations {
+            let (before, since) = (walk.cost(problem)?, walk.values.clone());
+            round += 1;
+            walk.round(problem, plan, round)?;
+            if on {
+                walk.further(problem, &since, round)?;
             }
-            Ok::<(), ModelError>(())
-        };
+            if walk.stopped() || walk.cost(problem)? > (1.0 - limits.cost_tolerance) * before {
+                break;
+            }
+        }
+        Ok::<(), ModelError>(())
+    };
     if !by_features.is_empty() {
-        rounds(&mut walk, &coarse, &by_features, if goes_on { 1 } else { FEATURE_ROUNDS }, FEATURE_ROUND_GAIN, false)?;
-    }
-    for periods in LOCKING_PERIODS.into_iter().filter(|_| goes_on) {
-        let first = FitProblem::new(model, ctx.runs, ctx.window(COARSE_REACHES, periods * period_s));
         rounds(
             &mut walk,
-            &first,
-            &in_turn(&groups, &first, Feature::FirstCycles),
-            FEATURE_ROUNDS,
-            FEATURE_ROUND_GAIN,
+            &coarse,
+            &by_features,
+            Limits { iterations: if goes_on { 1 } else { SCREENING.iterations }, ..SCREENING },
             false,
         )?;
     }
-    rounds(&mut walk, &coarse, &in_turn(&groups, &coarse, Feature::Record), RECORD_ROUNDS, RECORD_ROUND_GAIN, true)?;
+    for periods in LOCKING_PERIODS.into_iter().filter(|_| goes_on) {
+        let first = FitProblem::new(model, ctx.runs, ctx.window(COARSE_REACHES, periods * period_s));
+        rounds(&mut walk, &first, &in_turn(&groups, &first, Feature::FirstCycles), SCREENING, false)?;
+    }
+    rounds(&mut walk, &coarse, &in_turn(&groups, &coarse, Feature::Record), LOCKING, true)?;
     let reaches = model.fitting_reaches(&walk.values[..model.shared.len()], 2 * FINAL_REACHES);
     let fine = FitProblem::new(model, ctx.runs, ctx.window(reaches, f64::INFINITY));
-    rounds(&mut walk, &fine, &in_turn(&groups, &fine, Feature::Record), RECORD_ROUNDS, RECORD_ROUND_GAIN, true)?;
+    rounds(&mut walk, &fine, &in_turn(&groups, &fine, Feature::Record), LOCKING, true)?;
     let cost = walk.cost(&coarse)?;
     let mut features_left: Vec<&str> = by_features.iter().map(|step| step.feature.name()).collect();
     features_left.retain(|name| *name != Feature::Record.name() && walk.taken.iter().all(|step| step.feature != *name));
