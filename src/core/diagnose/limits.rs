@@ -17,11 +17,8 @@ use crate::model::effects::CATALOGUE;
 
 // ---- The baseline: binned samples on a coarse grid -----------------------------------------------------------------
 
-/// Norm of a Jacobian column, in units of the noise, below which the data do not see a parameter: its differences are
-/// rounding. Tuned: data unknown.
-pub(crate) const UNSEEN_COLUMN: f64 = 0.1;
 /// A record lies on the floor of vapour pressure if one sample in this many does: a single sample may be a dead count.
-/// Tuned: data unknown.
+/// Chosen: where the lowest sample counts, the open sets have the same answers.
 pub(crate) const FLOOR_SAMPLES: usize = 500;
 /// Independent features of a half cycle: front, plateau, return. Derived from the shape of a half cycle.
 pub(crate) const FEATURES_PER_HALF_CYCLE: f64 = 3.0;
@@ -33,23 +30,23 @@ pub(crate) const TELLING_HALF_CYCLES: usize = 8;
 
 /// Most elements with which an effect that has elements is tried. Cost.
 pub(crate) const MOST_ELEMENTS: usize = 3;
-/// Strengths at which an effect's signature is taken, as multiples of its usual start. Tuned: data unknown.
+/// Strengths at which an effect's signature is taken, as multiples of its usual start. Chosen: with the first
+/// alone the open sets have the same answers.
 pub(crate) const STRENGTHS: [f64; 5] = [1.0, 0.1, 0.3, 3.0, 10.0];
 /// Most places at which an effect is tried in all strengths; with more places, one strength has to do. Cost.
 pub(crate) const FEW_PLACES: usize = 12;
 /// Range of strengths, as multiples of the one that was simulated, over which a linear forecast is trusted. Tuned: data
 /// unknown.
 pub(crate) const FORECAST_RANGE: (f64, f64) = (0.3, 2.0);
-/// Effects that are refined; the others are only screened. Cost, and tuned: data unknown.
+/// Effects that are refined; the others are only screened. Cost: where all are refined, or none, the open sets have the
+/// same answers.
 pub(crate) const REFINED_EFFECTS: usize = 6;
 
 // ---- Full fits -----------------------------------------------------------------------------------------------------
 
-/// A candidate that leaves this many times the best candidate's square gets no full fit. Cost, and tuned: data unknown.
+/// A candidate that leaves this many times the best candidate's square gets no full fit. Cost: where all
+/// leading ones get one, the open sets have the same answers.
 pub(crate) const NO_FULL_FIT_ABOVE: f64 = 4.0;
-/// A candidate that leaves less than this many times the best candidate's square is fitted until it converges. Cost,
-/// and tuned: data unknown.
-pub(crate) const CONVERGE_BELOW: f64 = 1.2;
 
 /// Most effects that one diagnosis finds missing. Cost: a further diagnosis finds more.
 pub(crate) const MOST_MISSING: usize = 2;

@@ -38,8 +38,6 @@ pub(crate) struct Met {
     pub(crate) is_from_signals: bool,
     /// The fit is at its optimum, on as fine a grid as it takes; or no descent leads on from it.
     pub(crate) is_at_end: bool,
-    /// The best model from whose end it was fitted on last, and what that left.
-    pub(crate) fitted_from: Option<(Key, f64)>,
     /// What the fit left when the models around it were looked at.
     pub(crate) looked_around: Option<f64>,
     /// Its elements of creep were pruned, or cannot be.
@@ -66,7 +64,6 @@ impl Met {
             fit: None,
             is_from_signals: false,
             is_at_end: false,
-            fitted_from: None,
             looked_around: None,
             is_pruned: false,
         }

@@ -7,9 +7,9 @@
 use crate::diagnose::baseline::Baseline;
 use crate::diagnose::candidate::Form;
 use crate::diagnose::limits::{FEW_PLACES, FORECAST_RANGE, STRENGTHS};
-use crate::fit::numeric::least_squares::{Problem, Solution, Way, have_met, minimise};
+use crate::fit::numeric::least_squares::{Problem, Solution, Way, minimise};
 use crate::fit::problem::fit_problem::FitProblem;
-use crate::fit::search::thresholds::{COARSE, FOLLOWED, LEADING, SCREENING, STEP_SHARES};
+use crate::fit::search::thresholds::{COARSE, LEADING, SCREENING, STEP_SHARES};
 use crate::model::effects::Chosen;
 use crate::model::parameter::{Parameter, Scale};
 use crate::model::{Model, ModelError};
@@ -30,8 +30,6 @@ pub struct Refit {
     pub residuals: Vec<f64>,
     /// Free parameters that it adds, without those that have a prior.
     pub added: usize,
-    /// Variables of the next best screened starts, to be refined too.
-    others: Vec<Vec<f64>>,
 }
 
 /// Screens a form: adds it to the start model and fits only what it adds, from each of its most promising starts.
@@ -51,20 +49,14 @@ pub fn screen(baseline: &Baseline, form: &Form) -> Result<Refit, ModelError> {
             Err(error) => failure = Some(error),
         }
     }
-    screened.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    let Some(best) = screened.first() else { return Err(failure.unwrap_or_else(|| no_start(form))) };
-    let mut all = Vec::new();
-    let met = |s: &&Solution| have_met(&best.residuals, &s.residuals, SCREENING.cost_tolerance * best.cost);
-    for solution in std::iter::once(best).chain(screened[1..].iter().take(FOLLOWED - 1).filter(|s| !met(s))) {
-        all.push(added.whole(&solution.x)?);
-    }
+    let best = screened.iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
+    let Some(best) = best else { return Err(failure.unwrap_or_else(|| no_start(form))) };
     Ok(Refit {
         form: form.clone(),
         square: 2.0 * best.cost,
         residuals: best.residuals[..baseline.residuals.len()].to_vec(),
         added: free(baseline, &model),
-        values: problem.values(&all.remove(0)),
-        others: all,
+        values: problem.values(&added.whole(&best.x)?),
         effects: model.effects.clone(),
     })
 }
@@ -165,9 +157,7 @@ pub fn refine(baseline: &Baseline, screened: &Refit) -> Result<Refit, ModelError
     let problem = baseline.passing(&model);
     // A start model without cavities is far from any model with them, so these are also tried from the signals.
     let boils = screened.form.chosen.effect.lets_boil();
-    let starts = std::iter::once(problem.variables(&screened.values))
-        .chain(screened.others.iter().cloned())
-        .chain(boils.then(|| problem.start()));
+    let starts = std::iter::once(problem.variables(&screened.values)).chain(boils.then(|| problem.start()));
     let mut best: Option<Solution> = None;
     for start in starts {
         let solution = minimise(&problem, &start, SCREENING, |_, _| {})?;
@@ -183,7 +173,6 @@ pub fn refine(baseline: &Baseline, screened: &Refit) -> Result<Refit, ModelError
         residuals: baseline.seen(&best.residuals),
         added: screened.added,
         values: problem.values(&best.x),
-        others: Vec::new(),
         effects: screened.effects.clone(),
     })
 }

@@ -2,16 +2,14 @@
 
 use rayon::prelude::*;
 
-use crate::diagnose::limits::{CONVERGE_BELOW, PRIOR_ODDS_OF_NOTHING};
+use crate::diagnose::limits::PRIOR_ODDS_OF_NOTHING;
 use crate::diagnose::measures::square;
 use crate::diagnose::met::Met;
 use crate::diagnose::models::Search;
 use crate::diagnose::weigh::weigh;
 use crate::fit::outcome::fit::Fit;
 use crate::fit::outcome::thresholds::STRONG_EVIDENCE;
-use crate::fit::search::calibrate::Begin;
 use crate::fit::search::options::Effort;
-use crate::model::Model;
 use crate::model::effects::Chosen;
 
 /// What is to be done before the best model is claimed.
@@ -22,8 +20,6 @@ pub(crate) enum Comparison {
     Settle(Vec<usize>),
     /// Other effects are tried in the place of each one of the best model, and it is fitted without each.
     LookAround(usize),
-    /// These models leave nearly as little as the best one and are fitted on from where that ended.
-    FitFrom(usize, Vec<usize>),
 }
 
 impl Search<'_> {
@@ -35,20 +31,11 @@ impl Search<'_> {
         let nothing = PRIOR_ODDS_OF_NOTHING.ln();
         let best = weighed.models.iter().find(|m| m.met.fit.is_some()).filter(|m| m.log_odds() > nothing);
         if let Some(best) = best {
-            let end = (best.met.key.clone(), best.met.square());
             if !best.met.is_at_end {
                 return Some(Comparison::Settle(vec![place(best.met)]));
             }
-            if best.met.looked_around != Some(end.1) {
+            if best.met.looked_around != Some(best.met.square()) {
                 return Some(Comparison::LookAround(place(best.met)));
-            }
-            let is_near = |m: &&Met| {
-                let alike = m.fit.is_some() && m.key.len() == best.met.key.len() && m.square() < CONVERGE_BELOW * end.1;
-                alike && !m.is_at_end && m.fitted_from.as_ref() != Some(&end)
-            };
-            let near: Vec<usize> = self.met.iter().filter(is_near).map(place).collect();
-            if !near.is_empty() {
-                return Some(Comparison::FitFrom(place(best.met), near));
             }
         }
         let claimed = best.map_or(nothing, |best| best.log_odds());
@@ -67,7 +54,6 @@ impl Search<'_> {
             Comparison::Begin(which) => self.fit_forecasts(&which),
             Comparison::Settle(which) => self.settle(&which),
             Comparison::LookAround(best) => self.look_around(best),
-            Comparison::FitFrom(best, which) => self.fit_from(best, &which),
         }
     }
 
@@ -116,24 +102,6 @@ impl Search<'_> {
         self.without_one(&winner);
     }
 
-    /// Fits models briefly on from where the best one ended.
-    fn fit_from(&mut self, best: usize, which: &[usize]) {
-        let Some(winner) = self.met[best].fit.clone() else { return };
-        let this = &*self;
-        let fits: Vec<Fit> = which
-            .par_iter()
-            .filter_map(|&i| {
-                let (effects, values) = this.met[i].model()?;
-                let from = this.transplanted(&winner, effects, &values);
-                this.fitter.fit(effects, Begin::At(&from), Effort::Brief).ok()
-            })
-            .collect();
-        for &i in which {
-            self.met[i].fitted_from = Some((self.met[best].key.clone(), square(&winner)));
-        }
-        fits.into_iter().for_each(|fit| self.take(fit));
-    }
-
     /// The model without each of its added effects, from where the rest stands: beside the other one an effect may have
     /// got where it explains the records alone.
     fn without_one(&mut self, winner: &Fit) {
@@ -144,23 +112,6 @@ impl Search<'_> {
         let fitter = &self.fitter;
         let fits: Vec<Fit> = added.par_iter().filter_map(|&i| fitter.without(winner, i, Effort::Brief).ok()).collect();
         fits.into_iter().for_each(|fit| self.take(fit));
-    }
-
-    /// Values of a model with `effects`: those of the winner where it has the same effect, else its own.
-    fn transplanted(&self, winner: &Fit, effects: &[Chosen], own: &[f64]) -> Vec<f64> {
-        let water = &self.fitter.runs[0].conditions.water;
-        let of = |effects: &[Chosen]| Model::new(self.fitter.rig, water, effects);
-        let (ours, theirs, from) = (of(effects), of(&winner.effects), winner.values());
-        let mut values: Vec<f64> = from[..theirs.effects_from()].to_vec();
-        for (i, c) in effects.iter().enumerate() {
-            let same = winner.effects.iter().position(|w| w == c);
-            values.extend(match same {
-                Some(k) => &from[theirs.parameters_of(k)],
-                None => &own[ours.parameters_of(i)],
-            });
-        }
-        values.extend(&from[theirs.shared.len()..]);
-        values
     }
 }
 

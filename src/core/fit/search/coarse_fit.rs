@@ -8,10 +8,10 @@ use crate::fit::outcome::residual_summary::ResidualSummary;
 use crate::fit::problem::error::FitError;
 use crate::fit::problem::fit_problem::FitProblem;
 use crate::fit::search::calibrator::{Calibrator, Estimate};
-use crate::fit::search::starts::{Start, differing, drawn, starts_from, starts_of, take_over, vanish};
+use crate::fit::search::starts::{Start, differing, drawn, starts_from, starts_of, vanish};
 use crate::fit::search::thresholds::{
-    COARSE, COARSE_REACHES, EVALUATE_ONLY, FOLLOWED, HOPELESS_START_RATIO, LEADING, LOCKING, LOCKING_PERIODS,
-    LOCKING_REACHES, LOOKED_AGAIN, POOR_FIT_COST, SCREENING,
+    COARSE, COARSE_REACHES, EVALUATE_ONLY, HOPELESS_START_RATIO, LEADING, LOCKING, LOCKING_PERIODS, LOCKING_REACHES,
+    LOOKED_AGAIN, SCREENING,
 };
 use crate::model::effects::labels_of;
 use crate::model::{Model, ModelError};
@@ -46,18 +46,13 @@ fn fitted_coarsely(
     model: &Model,
     smaller: Option<(&Model, &Estimate)>,
 ) -> Result<Estimate, FitError> {
-    let problem = FitProblem::new(model, ctx.runs, ctx.window(COARSE_REACHES, f64::INFINITY));
-    let base = problem.start_values();
-    let mut candidates = Vec::new();
-    // A good smaller model is the best start; a poor one has its parameters in the wrong places.
-    if smaller.is_none_or(|(_, state)| state.cost > POOR_FIT_COST * problem.samples() as f64) {
-        // The fits that are best over the first cycles go on to the whole record.
-        let locked = locked(ctx, model, smaller, &base)?;
-        candidates.extend(locked.into_iter().take(FOLLOWED + ctx.options.starts / 4).map(|s| s.values));
-    }
-    if let Some((small, state)) = smaller {
-        candidates.extend(starts_from(model, small, state, &base));
-    }
+    let base = FitProblem::new(model, ctx.runs, ctx.window(COARSE_REACHES, f64::INFINITY)).start_values();
+    let candidates: Vec<Vec<f64>> = match smaller {
+        Some((small, state)) => starts_from(model, small, state, &base),
+        // The fit that is best over the first cycles goes on to the whole record; where starts are drawn at random, more
+        // of them do.
+        None => locked(ctx, model, &base)?.into_iter().take(1 + ctx.options.starts / 4).map(|s| s.values).collect(),
+    };
     let found = best_of(ctx, model, &candidates)?;
     // The first cycles may lead away from a start that follows the whole record better.
     let start = attempt(ctx, model, &[], &base, f64::INFINITY, EVALUATE_ONLY)?;
@@ -65,36 +60,20 @@ fn fitted_coarsely(
 }
 
 /// Fits of the first cycles from all that signals, effects and chance propose, the best first.
-fn locked(
-    ctx: &Calibrator,
-    model: &Model,
-    smaller: Option<(&Model, &Estimate)>,
-    base: &[f64],
-) -> Result<Vec<Estimate>, ModelError> {
+fn locked(ctx: &Calibrator, model: &Model, base: &[f64]) -> Result<Vec<Estimate>, ModelError> {
     let period_s = model.period_s(&base[..model.shared.len()]);
     let random = drawn(model, base, ctx.options.starts, ctx.options.seed);
     let (scanned, few): (Vec<_>, Vec<_>) = starts_of(model, base).into_iter().chain(random).partition(|s| s.of_many);
-    let scanned = if smaller.is_none() { scanned } else { Vec::new() };
-    // The phase locks without the effects that may be anywhere: in the wrong place they would distort everything else.
-    let mut held = Vec::new();
-    let from = few.into_iter().map(|mut start| {
-        match smaller {
-            Some((small, state)) => take_over(&mut start.values, model, small, state),
-            None => held = vanish(&mut start.values, &scanned, model),
-        }
+    // Each effect that may be anywhere is looked for while the others are absent.
+    let rests = few.into_iter().map(|mut start| {
+        vanish(&mut start.values, &scanned, model);
         start.values
     });
-    let from = from.collect();
-    let mut locked = lock(ctx, model, &held, from, period_s)?;
+    let rests: Vec<Vec<f64>> = rests.collect();
     if scanned.is_empty() {
-        return Ok(locked);
+        return lock(ctx, model, rests, period_s);
     }
-    // Without its effects the rest may have gone where no place leads back from, so the places are also tried from what
-    // the signals say.
-    locked.truncate(FOLLOWED);
-    let rests: Vec<&[f64]> = locked.iter().map(|l| &l.values[..]).chain([base]).collect();
-    let mut screened = in_places(ctx, model, &scanned, base, &rests, period_s)?;
-    screened.append(&mut locked);
+    let screened = in_places(ctx, model, &scanned, base, &rests, period_s)?;
     let mut found = released(ctx, model, screened, period_s)?;
     if scanned.iter().any(|start| start.effect != scanned[0].effect) {
         let best = beside_each_other(ctx, model, &scanned, base, found.remove(0), period_s);
@@ -116,7 +95,7 @@ fn beside_each_other(
     period_s: f64,
 ) -> Estimate {
     loop {
-        let again = in_places(ctx, model, scanned, base, &[&best.values], period_s);
+        let again = in_places(ctx, model, scanned, base, std::slice::from_ref(&best.values), period_s);
         let again = again.and_then(|again| released(ctx, model, again, period_s)).unwrap_or_default();
         let Some(better) = again.into_iter().next().filter(|again| again.cost < best.cost) else { return best };
         let much = better.cost < LOOKED_AGAIN * best.cost;
@@ -134,13 +113,13 @@ fn in_places(
     model: &Model,
     scanned: &[Start],
     base: &[f64],
-    rests: &[&[f64]],
+    rests: &[Vec<f64>],
     period_s: f64,
 ) -> Result<Vec<Estimate>, ModelError> {
     let places = differing(scanned, base);
     let tried = scanned.par_iter().flat_map(|start| rests.par_iter().map(move |rest| (start, rest)));
     let screened = tried.map(|(start, rest)| {
-        let mut values = rest.to_vec();
+        let mut values = rest.clone();
         values[start.effect.clone()].copy_from_slice(&start.values[start.effect.clone()]);
         attempt(ctx, model, &places, &values, LOCKING_PERIODS[0] * period_s, SCREENING)
     });
@@ -155,8 +134,8 @@ pub(crate) fn relocated(ctx: &Calibrator, model: &Model, values: &[f64]) -> Resu
     let base = FitProblem::new(model, ctx.runs, ctx.window(COARSE_REACHES, f64::INFINITY)).start_values();
     let scanned: Vec<Start> = starts_of(model, &base).into_iter().filter(|s| s.of_many).collect();
     let period_s = model.period_s(&values[..model.shared.len()]);
-    let screened = in_places(ctx, model, &scanned, &base, &[values], period_s)?;
-    let found = released(ctx, model, screened, period_s)?.into_iter().take(FOLLOWED);
+    let screened = in_places(ctx, model, &scanned, &base, &[values.to_vec()], period_s)?;
+    let found = released(ctx, model, screened, period_s)?.into_iter().take(1);
     best_of(ctx, model, &found.map(|s| s.values).chain([values.to_vec()]).collect::<Vec<_>>())
 }
 
@@ -182,21 +161,20 @@ pub(crate) fn best_of(ctx: &Calibrator, model: &Model, starts: &[Vec<f64>]) -> R
 
 /// Fits of the first cycles from there, with everything free, the best first.
 fn released(ctx: &Calibrator, model: &Model, from: Vec<Estimate>, period_s: f64) -> Result<Vec<Estimate>, ModelError> {
-    lock(ctx, model, &[], from.into_iter().map(|start| start.values).collect(), period_s)
+    lock(ctx, model, from.into_iter().map(|start| start.values).collect(), period_s)
 }
 
-/// Fits the first cycles, then more of them, so that the phase locks, from each of the `starts`; the variables `held`
-/// stay as they are. Returns the best first.
+/// Fits the first cycles, then more of them, so that the phase locks, from each of the `starts`. Returns the best
+/// first.
 fn lock(
     ctx: &Calibrator,
     model: &Model,
-    held: &[usize],
     mut starts: Vec<Vec<f64>>,
     period_s: f64,
 ) -> Result<Vec<Estimate>, ModelError> {
     let mut locked = Vec::new();
     for periods in LOCKING_PERIODS {
-        let on = starts.par_iter().map(|start| attempt(ctx, model, held, start, periods * period_s, LOCKING));
+        let on = starts.par_iter().map(|start| attempt(ctx, model, &[], start, periods * period_s, LOCKING));
         locked = distinct(on.collect::<Result<_, _>>()?);
         starts = locked.iter().map(|state| state.values.clone()).collect();
     }
@@ -230,11 +208,6 @@ fn attempt(
 pub(crate) fn mean_square(ctx: &Calibrator, model: &Model, state: &Estimate) -> f64 {
     let problem = FitProblem::new(model, ctx.runs, ctx.window(COARSE_REACHES, f64::INFINITY));
     2.0 * state.cost / problem.samples().max(1) as f64
-}
-
-/// Whether a coarse fit is too poor to grow a richer one from.
-pub(crate) fn is_poor(ctx: &Calibrator, model: &Model, state: &Estimate) -> bool {
-    mean_square(ctx, model, state) > 2.0 * POOR_FIT_COST
 }
 
 /// The residuals of a coarse fit, summarised.

@@ -19,11 +19,7 @@ use crate::model::{Model, ModelError};
 struct Pull {
     /// At the samples, in units of their noise, rms.
     error_over_noise: f64,
-    /// In the variables.
-    shifts: Vec<f64>,
-    /// Half the sum of squares that the unmoved variables leave on the finer grid.
-    finer_cost: f64,
-    /// The largest of these, in standard errors.
+    /// The largest change in a variable, in standard errors.
     over_errors: f64,
 }
 
@@ -48,20 +44,6 @@ pub(crate) fn finish(ctx: &Calibrator, model: &Model, state: Estimate) -> Result
         let solution = ctx.minimise(&problem, &values, patient(ctx, GRID_REFINEMENT), &format!("{coarse} reaches"))?;
         values = problem.values(&solution.x);
         let pull = grid_pull(ctx, &problem, &solution, fine)?;
-        // The limit of a second-order scheme lies a third beyond half the step. Where the data hardly distinguish two
-        // parameters the step may lead astray: the finer grid decides.
-        let mut further = values.clone();
-        for (j, value) in further.iter_mut().enumerate() {
-            let by = pull.shifts[j] * 4.0 / 3.0;
-            *value = (*value + problem.stretch(j, *value) * by)
-                .clamp(problem.parameters[j].lower, problem.parameters[j].upper);
-        }
-        let finer = ctx.problem(model, ctx.compared(fine));
-        let moved = finer.residuals(&finer.variables(&further)).map(|r| 0.5 * r.iter().map(|r| r * r).sum::<f64>());
-        ctx.count(1);
-        if moved.is_ok_and(|cost| cost < pull.finer_cost) {
-            values = further;
-        }
         // Where the model leaves more than noise, the grid may err by as much more.
         let left = (2.0 * solution.cost / problem.samples().max(1) as f64).sqrt();
         let settled = pull.error_over_noise <= ctx.options.grid_error_over_noise * left.max(1.0)
@@ -125,9 +107,8 @@ fn grid_pull(ctx: &Calibrator, problem: &FitProblem, solution: &Solution, fine: 
         .map(|j| shifts[j].abs() / errors.of_variable(j))
         .filter(|r| r.is_finite())
         .fold(0.0, f64::max);
-    let finer_cost = 0.5 * residuals.iter().map(|r| r * r).sum::<f64>();
     let error_over_noise = (change[..n].iter().map(|c| c * c).sum::<f64>() / n as f64).sqrt();
-    Ok(Pull { error_over_noise, shifts, finer_cost, over_errors })
+    Ok(Pull { error_over_noise, over_errors })
 }
 
 #[cfg(test)]

@@ -15,7 +15,7 @@ use crate::fit::problem::method::Method;
 use crate::fit::problem::objective::Objective;
 use crate::fit::progress::OnProgress;
 use crate::fit::search::calibrator::{Calibrator, Estimate};
-use crate::fit::search::coarse_fit::{coarse_fit, is_poor, mean_square, relocated, residual_summary};
+use crate::fit::search::coarse_fit::{coarse_fit, mean_square, relocated, residual_summary};
 use crate::fit::search::finish::{finish, without_descent};
 use crate::fit::search::global::global_search;
 use crate::fit::search::options::Options;
@@ -85,8 +85,7 @@ pub(crate) fn from_signals(
         None => (first, begun),
     };
     let located = model.effects.iter().any(|c| c.effect.on_pipe());
-    let doubtful = model.effects != chosen || is_poor(&ctx, &model, &state);
-    if located && doubtful && options.method == Method::LeastSquares {
+    if located && model.effects != chosen && options.method == Method::LeastSquares {
         // Where a place cannot be simulated, the fit stays as it is.
         state = relocated(&ctx, &model, &state.values).unwrap_or(state);
     }

@@ -64,31 +64,13 @@ pub(crate) fn differing(starts: &[Start], base: &[f64]) -> Vec<usize> {
     (0..base.len()).filter(|&j| starts.iter().any(|s| s.values[j] != base[j])).collect()
 }
 
-/// Sets the effects of `starts` to the strength at which they vanish, as nearly as their bounds allow; returns their
-/// parameters.
-pub(crate) fn vanish(values: &mut [f64], starts: &[Start], model: &Model) -> Vec<usize> {
-    let all: std::collections::BTreeSet<usize> = starts.iter().flat_map(|s| s.effect.clone()).collect();
-    for &j in &all {
+/// Sets the effects of `starts` to the strength at which they vanish, as nearly as their bounds allow.
+pub(crate) fn vanish(values: &mut [f64], starts: &[Start], model: &Model) {
+    for j in starts.iter().flat_map(|s| s.effect.clone()) {
         let parameter = &model.shared[j];
         if let Some(gone) = parameter.vanishes_at {
             values[j] = gone.clamp(parameter.lower, parameter.upper);
         }
-    }
-    all.into_iter().collect()
-}
-
-/// Takes over the values of effects that may be anywhere from a smaller fitted model.
-pub(crate) fn take_over(values: &mut [f64], model: &Model, small: &Model, state: &Estimate) {
-    let mut at = model.effects_from();
-    for (chosen, &size) in model.effects.iter().zip(model.effect_sizes()) {
-        if chosen.effect.on_pipe() {
-            for (value, parameter) in values.iter_mut().zip(&model.shared).skip(at).take(size) {
-                if let Some(i) = small.shared.iter().position(|p| p.name == parameter.name) {
-                    *value = state.values[i];
-                }
-            }
-        }
-        at += size;
     }
 }
 

@@ -5,7 +5,7 @@
 
 use crate::fit::numeric::least_squares::Limits;
 
-/// Reaches of the grid while the phase locks. Tuned; data unknown.
+/// Reaches of the grid while the phase locks. Cost: with 48 the open sets have the same answers.
 pub(crate) const LOCKING_REACHES: usize = 32;
 /// Samples of the slowest sensor in a step of that grid. Derived: what two samples a step cannot show, the grid does
 /// not have.
@@ -28,14 +28,10 @@ pub(crate) const LEADING: usize = 3;
 /// Cost, as a share of what there was, below which several effects that may be anywhere are looked for once more. Cost,
 /// and chosen.
 pub(crate) const LOOKED_AGAIN: f64 = 0.7;
-/// How many fits of the first cycles go on to the whole record. Tuned; data unknown.
-pub(crate) const FOLLOWED: usize = 2;
-/// Cost for each sample above which a fit is too poor to grow a richer one from: four times the variance of noise.
-/// Tuned; data unknown.
-pub(crate) const POOR_FIT_COST: f64 = 2.0;
-/// A start that costs this many times the best fit so far is not descended from. Tuned; data unknown.
+/// A start that costs this many times the best fit so far is not descended from. Cost: where all are, the open sets have
+/// the same answers.
 pub(crate) const HOPELESS_START_RATIO: f64 = 30.0;
-/// A few iterations, to see which start is worth more. Tuned; data unknown.
+/// A few iterations, to see which start is worth more, or rounds over the features. Tuned; data unknown.
 pub(crate) const SCREENING: Limits =
     Limits { iterations: 6, cost_tolerance: 1e-2, step_tolerance: 1e-7, thorough: false };
 /// Of the others while one parameter is dragged. Cost: each answer is to be on the screen before the next is asked for.
@@ -45,7 +41,8 @@ pub(crate) const EVALUATE_ONLY: Limits = Limits { iterations: 0, ..SCREENING };
 /// Of a coarse fit: what it leaves undone the finer grids do. Tuned; data unknown.
 pub(crate) const COARSE: Limits =
     Limits { iterations: 30, cost_tolerance: 3e-4, step_tolerance: 1e-7, thorough: false };
-/// Of a fit of the first cycles: what it leaves undone the next window does. Cost.
+/// Of a fit of the first cycles, and of rounds over the whole record: what they leave undone the next window, or the
+/// next grid, does. Cost.
 pub(crate) const LOCKING: Limits = Limits { cost_tolerance: 3e-3, ..COARSE };
 
 /// A smaller model that leaves this many times the bigger one's sum of squares after a few steps from its end is not
@@ -74,7 +71,7 @@ pub(crate) const MAX_GRID_PULL: f64 = 2.0;
 /// Fall of the sum of squares, in units of what one independent sample leaves, that is not worth another iteration.
 /// Derived: a seventh of a standard error.
 pub(crate) const POLISH_REDUCTION: f64 = 0.02;
-/// How often a descent that has given up starts anew at most. Tuned; data unknown.
+/// How often a descent that has given up starts anew at most. Cost: with 20 the open sets have the same answers.
 pub(crate) const MAX_RESTARTS: usize = 3;
 /// Shares of a step in the values that are tried. Chosen.
 pub(crate) const STEP_SHARES: [f64; 4] = [1.0, 0.5, 0.2, 0.05];
@@ -94,12 +91,3 @@ pub(crate) const PRIOR_HALF_WIDTH: f64 = 4.0;
 pub(crate) const MIN_WINDOW_SHARE: f64 = 0.05;
 /// Cost of what cannot be simulated: more than of anything that can. Chosen.
 pub(crate) const IMPOSSIBLE_COST: f64 = 1e300;
-
-/// Most rounds over the features. Tuned; data unknown.
-pub(crate) const FEATURE_ROUNDS: usize = 6;
-/// Most rounds over the whole record on each grid. Tuned; data unknown.
-pub(crate) const RECORD_ROUNDS: usize = 40;
-/// Relative fall of the sum of squares below which no other round over the features follows. Tuned; data unknown.
-pub(crate) const FEATURE_ROUND_GAIN: f64 = 0.1;
-/// The same for rounds over the whole record. Tuned; data unknown.
-pub(crate) const RECORD_ROUND_GAIN: f64 = 0.003;
