@@ -9,6 +9,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::diagnose::circumstances::{circumstances, features};
+use crate::diagnose::limits::UNSEEN_COLUMN;
 use crate::fit::data::run_data::{RunData, SensorData};
 use crate::fit::numeric::least_squares::{Problem, jacobian};
 use crate::fit::numeric::uncertainty::determined_inverse;
@@ -107,7 +108,7 @@ impl<'a> Baseline<'a> {
         let (which, columns): (Vec<usize>, Vec<Vec<f64>>) = jacobian(&problem, &x, &all)?
             .into_iter()
             .enumerate()
-            .filter(|(j, column)| !at_bound[*j] && dot(column, column) > 0.0)
+            .filter(|(j, column)| !at_bound[*j] && dot(column, column) > UNSEEN_COLUMN.powi(2))
             .unzip();
         let samples = problem.samples();
         let meters = runs.iter().filter(|r| r.meter.is_some()).count();

@@ -17,6 +17,9 @@ use crate::model::effects::CATALOGUE;
 
 // ---- The baseline: binned samples on a coarse grid -----------------------------------------------------------------
 
+/// Norm of a Jacobian column, in units of the noise, below which the data do not see a parameter. Derived: its standard
+/// error is above ten, of a logarithm a factor of 20,000, so a step of it leads to a bound.
+pub(crate) const UNSEEN_COLUMN: f64 = 0.1;
 /// A record lies on the floor of vapour pressure if one sample in this many does: a single sample may be a dead count.
 /// Chosen: where the lowest sample counts, the open sets have the same answers.
 pub(crate) const FLOOR_SAMPLES: usize = 500;
@@ -30,8 +33,8 @@ pub(crate) const TELLING_HALF_CYCLES: usize = 8;
 
 /// Most elements with which an effect that has elements is tried. Cost.
 pub(crate) const MOST_ELEMENTS: usize = 3;
-/// Strengths at which an effect's signature is taken, as multiples of its usual start. Chosen: with the first
-/// alone the open sets have the same answers.
+/// Strengths at which an effect's signature is taken, as multiples of its usual start. Chosen: with the first alone
+/// the open sets have the same answers.
 pub(crate) const STRENGTHS: [f64; 5] = [1.0, 0.1, 0.3, 3.0, 10.0];
 /// Most places at which an effect is tried in all strengths; with more places, one strength has to do. Cost.
 pub(crate) const FEW_PLACES: usize = 12;
@@ -44,8 +47,8 @@ pub(crate) const REFINED_EFFECTS: usize = 6;
 
 // ---- Full fits -----------------------------------------------------------------------------------------------------
 
-/// A candidate that leaves this many times the best candidate's square gets no full fit. Cost: where all
-/// leading ones get one, the open sets have the same answers.
+/// A candidate that leaves this many times the best candidate's square gets no full fit. Cost: where all leading
+/// ones get one, the open sets have the same answers.
 pub(crate) const NO_FULL_FIT_ABOVE: f64 = 4.0;
 
 /// Most effects that one diagnosis finds missing. Cost: a further diagnosis finds more.

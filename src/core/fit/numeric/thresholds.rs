@@ -42,7 +42,7 @@ pub(crate) const FIRST_DAMPING_NEAR: f64 = 1e-7;
 /// raise by 2 and lower by 3.
 pub(crate) const DAMPING_RISE: f64 = 3.0;
 /// Steps in a row that gain less than the tolerance, though more seems to be left, after which the descent stops.
-/// Cost: with one the open sets have the same answers, for more restarts.
+/// Cost: with one stall the open sets have the same answers, at the price of more restarts.
 pub(crate) const MAX_STALLS: usize = 8;
 
 /// Share of the largest eigenvalue of a scaled normal matrix below which a combination of variables is undetermined.

@@ -35,25 +35,18 @@ pub(crate) fn coarse_fit(
     model: &Model,
     smaller: Option<(&Model, &Estimate)>,
 ) -> Result<Estimate, FitError> {
+    let base = FitProblem::new(model, ctx.runs, ctx.window(COARSE_REACHES, f64::INFINITY)).start_values();
     match smaller {
-        Some(_) => fitted_coarsely(ctx, model, smaller),
-        None => ctx.known_or(&model.effects, || fitted_coarsely(ctx, model, None)),
+        Some((small, state)) => best_of(ctx, model, &starts_from(model, small, state, &base)),
+        None => ctx.known_or(&model.effects, || anew(ctx, model, base)),
     }
 }
 
-fn fitted_coarsely(
-    ctx: &Calibrator,
-    model: &Model,
-    smaller: Option<(&Model, &Estimate)>,
-) -> Result<Estimate, FitError> {
-    let base = FitProblem::new(model, ctx.runs, ctx.window(COARSE_REACHES, f64::INFINITY)).start_values();
-    let candidates: Vec<Vec<f64>> = match smaller {
-        Some((small, state)) => starts_from(model, small, state, &base),
-        // The fit that is best over the first cycles goes on to the whole record; where starts are drawn at random, more
-        // of them do.
-        None => locked(ctx, model, &base)?.into_iter().take(1 + ctx.options.starts / 4).map(|s| s.values).collect(),
-    };
-    let found = best_of(ctx, model, &candidates)?;
+/// A coarse fit from the signals: the fit that is best over the first cycles goes on to the whole record. If starts are
+/// drawn at random, more than one does.
+fn anew(ctx: &Calibrator, model: &Model, base: Vec<f64>) -> Result<Estimate, FitError> {
+    let followed = locked(ctx, model, &base)?.into_iter().take(1 + ctx.options.starts / 4);
+    let found = best_of(ctx, model, &followed.map(|s| s.values).collect::<Vec<_>>())?;
     // The first cycles may lead away from a start that follows the whole record better.
     let start = attempt(ctx, model, &[], &base, f64::INFINITY, EVALUATE_ONLY)?;
     if start.cost < found.cost { best_of(ctx, model, &[base, found.values]) } else { Ok(found) }
@@ -62,22 +55,22 @@ fn fitted_coarsely(
 /// Fits of the first cycles from all that signals, effects and chance propose, the best first.
 fn locked(ctx: &Calibrator, model: &Model, base: &[f64]) -> Result<Vec<Estimate>, ModelError> {
     let period_s = model.period_s(&base[..model.shared.len()]);
-    let random = drawn(model, base, ctx.options.starts, ctx.options.seed);
-    let (scanned, few): (Vec<_>, Vec<_>) = starts_of(model, base).into_iter().chain(random).partition(|s| s.of_many);
+    let random = drawn(model, base, ctx.options.starts, ctx.options.seed).into_iter().map(|start| start.values);
+    let (scanned, few): (Vec<_>, Vec<_>) = starts_of(model, base).into_iter().partition(|s| s.of_many);
+    if scanned.is_empty() {
+        return lock(ctx, model, few.into_iter().map(|start| start.values).chain(random).collect(), period_s);
+    }
     // Each effect that may be anywhere is looked for while the others are absent.
     let rests = few.into_iter().map(|mut start| {
         vanish(&mut start.values, &scanned, model);
         start.values
     });
-    let rests: Vec<Vec<f64>> = rests.collect();
-    if scanned.is_empty() {
-        return lock(ctx, model, rests, period_s);
-    }
-    let screened = in_places(ctx, model, &scanned, base, &rests, period_s)?;
-    let mut found = released(ctx, model, screened, period_s)?;
+    let mut from = in_places(ctx, model, &scanned, base, &rests.collect::<Vec<_>>(), period_s)?;
+    from.push(base.to_vec());
+    from.extend(random);
+    let mut found = lock(ctx, model, from, period_s)?;
     if scanned.iter().any(|start| start.effect != scanned[0].effect) {
         let best = beside_each_other(ctx, model, &scanned, base, found.remove(0), period_s);
-        // The others stay: from one of them the whole record may be followed better.
         found.insert(0, best);
     }
     Ok(found)
@@ -96,7 +89,7 @@ fn beside_each_other(
 ) -> Estimate {
     loop {
         let again = in_places(ctx, model, scanned, base, std::slice::from_ref(&best.values), period_s);
-        let again = again.and_then(|again| released(ctx, model, again, period_s)).unwrap_or_default();
+        let again = again.and_then(|again| lock(ctx, model, again, period_s)).unwrap_or_default();
         let Some(better) = again.into_iter().next().filter(|again| again.cost < best.cost) else { return best };
         let much = better.cost < LOOKED_AGAIN * best.cost;
         best = better;
@@ -107,7 +100,7 @@ fn beside_each_other(
 }
 
 /// Fits of the first cycles with an effect that may be anywhere held in one place after the other, from each of the
-/// `rests` of the variables. Everything but the place is free. Returns the best.
+/// `rests` of the variables. Everything but the place is free. Returns the values of the best.
 fn in_places(
     ctx: &Calibrator,
     model: &Model,
@@ -115,7 +108,7 @@ fn in_places(
     base: &[f64],
     rests: &[Vec<f64>],
     period_s: f64,
-) -> Result<Vec<Estimate>, ModelError> {
+) -> Result<Vec<Vec<f64>>, ModelError> {
     let places = differing(scanned, base);
     let tried = scanned.par_iter().flat_map(|start| rests.par_iter().map(move |rest| (start, rest)));
     let screened = tried.map(|(start, rest)| {
@@ -125,7 +118,7 @@ fn in_places(
     });
     let mut screened = distinct(screened.collect::<Result<_, _>>()?);
     screened.truncate(LEADING);
-    Ok(screened)
+    Ok(screened.into_iter().map(|state| state.values).collect())
 }
 
 /// Fits a model on a coarse grid from `values` of all its variables, and from the best places along the whole pipe for
@@ -135,8 +128,8 @@ pub(crate) fn relocated(ctx: &Calibrator, model: &Model, values: &[f64]) -> Resu
     let scanned: Vec<Start> = starts_of(model, &base).into_iter().filter(|s| s.of_many).collect();
     let period_s = model.period_s(&values[..model.shared.len()]);
     let screened = in_places(ctx, model, &scanned, &base, &[values.to_vec()], period_s)?;
-    let found = released(ctx, model, screened, period_s)?.into_iter().take(1);
-    best_of(ctx, model, &found.map(|s| s.values).chain([values.to_vec()]).collect::<Vec<_>>())
+    let found = lock(ctx, model, screened, period_s)?.into_iter().next();
+    best_of(ctx, model, &found.map(|s| s.values).into_iter().chain([values.to_vec()]).collect::<Vec<_>>())
 }
 
 /// Screens the starts that are not hopeless, then fits from the best.
@@ -157,11 +150,6 @@ pub(crate) fn best_of(ctx: &Calibrator, model: &Model, starts: &[Vec<f64>]) -> R
     }
     let best = best.ok_or(FitError::NoRun)?;
     Ok(attempt(ctx, model, &[], &best.values, f64::INFINITY, COARSE)?)
-}
-
-/// Fits of the first cycles from there, with everything free, the best first.
-fn released(ctx: &Calibrator, model: &Model, from: Vec<Estimate>, period_s: f64) -> Result<Vec<Estimate>, ModelError> {
-    lock(ctx, model, from.into_iter().map(|start| start.values).collect(), period_s)
 }
 
 /// Fits the first cycles, then more of them, so that the phase locks, from each of the `starts`. Returns the best

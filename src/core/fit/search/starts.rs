@@ -144,7 +144,7 @@ unit = "kPa"
     fn a_place_is_found_wherever_it_is() {
         let rig = Rig::from_toml(RIG, "rig.toml").unwrap();
         let cases: [(&str, &[&[f64]]); 4] = [
-            ("leak", &[&[12.3, 0.6], &[67.9, 0.6]]),
+            ("leak", &[&[12.3, 0.6], &[40.0, 0.6], &[67.9, 0.6]]),
             ("blockage", &[&[9.1, 200.0], &[55.3, 200.0]]),
             ("section-change", &[&[8.7, 21.7, 1.15, 1.0], &[51.0, 73.0, 0.8, 1.0]]),
             ("side-branch", &[&[14.9, 3.1, 1.0], &[60.7, 7.7, 0.6]]),

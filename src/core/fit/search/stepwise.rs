@@ -252,13 +252,8 @@ pub(crate) fn stepwise(ctx: &Calibrator, model: &Model) -> Result<(Estimate, Ste
         Ok::<(), ModelError>(())
     };
     if !by_features.is_empty() {
-        rounds(
-            &mut walk,
-            &coarse,
-            &by_features,
-            Limits { iterations: if goes_on { 1 } else { SCREENING.iterations }, ..SCREENING },
-            false,
-        )?;
+        let once = Limits { iterations: 1, ..SCREENING };
+        rounds(&mut walk, &coarse, &by_features, if goes_on { once } else { SCREENING }, false)?;
     }
     for periods in LOCKING_PERIODS.into_iter().filter(|_| goes_on) {
         let first = FitProblem::new(model, ctx.runs, ctx.window(COARSE_REACHES, periods * period_s));

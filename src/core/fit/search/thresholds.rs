@@ -28,10 +28,11 @@ pub(crate) const LEADING: usize = 3;
 /// Cost, as a share of what there was, below which several effects that may be anywhere are looked for once more. Cost,
 /// and chosen.
 pub(crate) const LOOKED_AGAIN: f64 = 0.7;
-/// A start that costs this many times the best fit so far is not descended from. Cost: where all are, the open sets have
-/// the same answers.
+/// A start that costs this many times the best fit so far is not descended from. Cost: where all are
+/// descended from, the open sets have the same answers.
 pub(crate) const HOPELESS_START_RATIO: f64 = 30.0;
-/// A few iterations, to see which start is worth more, or rounds over the features. Tuned; data unknown.
+/// A few iterations, to see which start is worth more; also the rounds of a stepwise search over the features and over
+/// the first cycles. Tuned; data unknown.
 pub(crate) const SCREENING: Limits =
     Limits { iterations: 6, cost_tolerance: 1e-2, step_tolerance: 1e-7, thorough: false };
 /// Of the others while one parameter is dragged. Cost: each answer is to be on the screen before the next is asked for.
@@ -41,8 +42,8 @@ pub(crate) const EVALUATE_ONLY: Limits = Limits { iterations: 0, ..SCREENING };
 /// Of a coarse fit: what it leaves undone the finer grids do. Tuned; data unknown.
 pub(crate) const COARSE: Limits =
     Limits { iterations: 30, cost_tolerance: 3e-4, step_tolerance: 1e-7, thorough: false };
-/// Of a fit of the first cycles, and of rounds over the whole record: what they leave undone the next window, or the
-/// next grid, does. Cost.
+/// Of a fit of the first cycles, and of the rounds of a stepwise search over the whole record: what they leave undone the
+/// next window, or the next grid, does. Cost.
 pub(crate) const LOCKING: Limits = Limits { cost_tolerance: 3e-3, ..COARSE };
 
 /// A smaller model that leaves this many times the bigger one's sum of squares after a few steps from its end is not
