@@ -55,7 +55,7 @@ fn anew(ctx: &Calibrator, model: &Model, base: Vec<f64>) -> Result<Estimate, Fit
 /// Fits of the first cycles from all that signals, effects and chance propose, the best first.
 fn locked(ctx: &Calibrator, model: &Model, base: &[f64]) -> Result<Vec<Estimate>, ModelError> {
     let period_s = model.period_s(&base[..model.shared.len()]);
-    let random = drawn(model, base, ctx.options.starts, ctx.options.seed).into_iter().map(|start| start.values);
+    let random = drawn(model, base, ctx.options.starts, ctx.options.seed);
     let (scanned, few): (Vec<_>, Vec<_>) = starts_of(model, base).into_iter().partition(|s| s.of_many);
     if scanned.is_empty() {
         return lock(ctx, model, few.into_iter().map(|start| start.values).chain(random).collect(), period_s);
@@ -127,9 +127,10 @@ pub(crate) fn relocated(ctx: &Calibrator, model: &Model, values: &[f64]) -> Resu
     let base = FitProblem::new(model, ctx.runs, ctx.window(COARSE_REACHES, f64::INFINITY)).start_values();
     let scanned: Vec<Start> = starts_of(model, &base).into_iter().filter(|s| s.of_many).collect();
     let period_s = model.period_s(&values[..model.shared.len()]);
-    let screened = in_places(ctx, model, &scanned, &base, &[values.to_vec()], period_s)?;
+    let own = [values.to_vec()];
+    let screened = in_places(ctx, model, &scanned, &base, &own, period_s)?;
     let found = lock(ctx, model, screened, period_s)?.into_iter().next();
-    best_of(ctx, model, &found.map(|s| s.values).into_iter().chain([values.to_vec()]).collect::<Vec<_>>())
+    best_of(ctx, model, &found.map(|s| s.values).into_iter().chain(own).collect::<Vec<_>>())
 }
 
 /// Screens the starts that are not hopeless, then fits from the best.

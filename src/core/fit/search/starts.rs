@@ -41,16 +41,15 @@ pub(crate) fn starts_of(model: &Model, base: &[f64]) -> Vec<Start> {
 }
 
 /// `n` starts drawn at random, as a Latin hypercube over the ranges of the shared parameters.
-pub(crate) fn drawn(model: &Model, base: &[f64], n: usize, seed: u64) -> Vec<Start> {
+pub(crate) fn drawn(model: &Model, base: &[f64], n: usize, seed: u64) -> Vec<Vec<f64>> {
     let mut random = fastrand::Rng::with_seed(seed);
-    let mut starts: Vec<Start> =
-        (0..n).map(|_| Start { values: base.to_vec(), effect: 0..0, of_many: false }).collect();
+    let mut starts = vec![base.to_vec(); n];
     for (j, parameter) in model.shared.iter().enumerate().filter(|(_, p)| p.lower < p.upper) {
         let mut strata: Vec<usize> = (0..n).collect();
         random.shuffle(&mut strata);
         for (start, stratum) in starts.iter_mut().zip(strata) {
             let share = (stratum as f64 + random.f64()) / n as f64;
-            start.values[j] = match parameter.scale {
+            start[j] = match parameter.scale {
                 Scale::Linear => parameter.lower + share * (parameter.upper - parameter.lower),
                 Scale::Log => parameter.lower * (parameter.upper / parameter.lower).powf(share),
             };
