@@ -9,7 +9,7 @@ use crate::diagnose::candidate::Form;
 use crate::diagnose::limits::{FEW_PLACES, FORECAST_RANGE, STRENGTHS};
 use crate::fit::numeric::least_squares::{Problem, Solution, Way, minimise};
 use crate::fit::problem::fit_problem::FitProblem;
-use crate::fit::search::thresholds::{COARSE, SCREENING, STEP_SHARES};
+use crate::fit::search::thresholds::{COARSE, LEADING, SCREENING, STEP_SHARES};
 use crate::model::effects::Chosen;
 use crate::model::parameter::{Parameter, Scale};
 use crate::model::{Model, ModelError};
@@ -32,8 +32,7 @@ pub struct Refit {
     pub added: usize,
 }
 
-/// Screens a form: adds it to the start model and fits only what it adds, from the most promising of its starts that can
-/// be simulated.
+/// Screens a form: adds it to the start model and fits only what it adds, from each of its most promising starts.
 ///
 /// # Errors
 /// If no start can be simulated.
@@ -42,12 +41,16 @@ pub fn screen(baseline: &Baseline, form: &Form) -> Result<Refit, ModelError> {
     let model = baseline.model(&effects);
     let problem = baseline.passing(&model);
     let added = Added::new(baseline, &problem, &model);
-    let from = |start: &Vec<f64>| {
-        let whole = problem.variables(&baseline.values_with(start));
-        minimise(&added, &whole[added.range()], SCREENING, |_, _| {}).ok()
-    };
-    let best = promising(baseline, &model, &problem, &form.chosen)?.iter().find_map(from);
-    let best = best.ok_or_else(|| no_start(form))?;
+    let mut failure = None;
+    let mut screened: Vec<Solution> = Vec::new();
+    for start in promising(baseline, &model, &problem, &form.chosen)?.iter().take(LEADING) {
+        match minimise(&added, &problem.variables(&baseline.values_with(start))[added.range()], SCREENING, |_, _| {}) {
+            Ok(solution) => screened.push(solution),
+            Err(error) => failure = Some(error),
+        }
+    }
+    let best = screened.iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
+    let Some(best) = best else { return Err(failure.unwrap_or_else(|| no_start(form))) };
     Ok(Refit {
         form: form.clone(),
         square: 2.0 * best.cost,
@@ -106,14 +109,14 @@ impl<'g> Added<'g> {
     fn whole(&self, added: &[f64]) -> Result<Vec<f64>, ModelError> {
         let (lower, upper) = self.problem.bounds();
         let still = self.with(added);
-        let all = self.problem.residuals(&still)?;
-        let (before, moved) = (dot(&all, &all), self.baseline.moved(&still, &self.baseline.seen(&all)));
-        let mut on_the_way = STEP_SHARES.iter().map(|part| {
+        let moved = self.baseline.moved(&still, &self.seen(added)?);
+        let on_the_way = STEP_SHARES.iter().chain(&[0.0]).map(|part| {
             let between = still.iter().zip(&moved).zip(lower.iter().zip(upper));
             between.map(|((s, m), (l, u))| (s + part * (m - s)).clamp(*l, *u)).collect::<Vec<f64>>()
         });
         let square = |x: &Vec<f64>| self.problem.residuals(x).map_or(f64::INFINITY, |r| dot(&r, &r));
-        Ok(on_the_way.find(|x| square(x) < before).unwrap_or(still))
+        let best = on_the_way.map(|x| (square(&x), x)).min_by(|a, b| a.0.total_cmp(&b.0));
+        Ok(best.map_or(still, |(_, x)| x))
     }
 }
 

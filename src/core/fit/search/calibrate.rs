@@ -25,7 +25,8 @@ use crate::fit::search::from_signals::{fit_coarsely, from_signals, growing};
 use crate::fit::search::options::{Effort, Options};
 use crate::fit::search::starts::{proposes_starts, starts_from};
 use crate::fit::search::thresholds::{
-    AS_GOOD_WITHOUT, DOUBTFUL_ABOVE, EVALUATE_ONLY, HOPELESS_SMALLER, MOST_REACHES_WITH_CAVITIES, NOISE_LIKE, SCREENING,
+    AS_GOOD_WITHOUT, DOUBTFUL_ABOVE, EVALUATE_ONLY, HOPELESS_SMALLER, HOPELESS_START_RATIO, MOST_REACHES_WITH_CAVITIES,
+    NOISE_LIKE, SCREENING,
 };
 use crate::model::Model;
 use crate::model::effects::{Chosen, boils, labels_of};
@@ -250,8 +251,10 @@ impl<'a> Fitter<'a> {
         };
         let model = ctx.model(&rest.effects);
         let most = left(&with, &with.model(&fit.effects), &all, EVALUATE_ONLY)?.cost;
-        // A place where the rest cannot be simulated is no better than the fit.
-        let Ok(on) = left(&ctx, &model, &rest.values, SCREENING) else { return Ok(None) };
+        if left(&ctx, &model, &rest.values, EVALUATE_ONLY)?.cost > HOPELESS_START_RATIO * most {
+            return Ok(None);
+        }
+        let on = left(&ctx, &model, &rest.values, SCREENING)?;
         if on.cost > AS_GOOD_WITHOUT * most {
             return Ok(None);
         }

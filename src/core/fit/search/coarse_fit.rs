@@ -10,7 +10,8 @@ use crate::fit::problem::fit_problem::FitProblem;
 use crate::fit::search::calibrator::{Calibrator, Estimate};
 use crate::fit::search::starts::{Start, differing, drawn, starts_from, starts_of, vanish};
 use crate::fit::search::thresholds::{
-    COARSE, COARSE_REACHES, EVALUATE_ONLY, LEADING, LOCKING, LOCKING_PERIODS, LOCKING_REACHES, LOOKED_AGAIN, SCREENING,
+    COARSE, COARSE_REACHES, EVALUATE_ONLY, HOPELESS_START_RATIO, LEADING, LOCKING, LOCKING_PERIODS, LOCKING_REACHES,
+    LOOKED_AGAIN, SCREENING,
 };
 use crate::model::effects::labels_of;
 use crate::model::{Model, ModelError};
@@ -132,13 +133,24 @@ pub(crate) fn relocated(ctx: &Calibrator, model: &Model, values: &[f64]) -> Resu
     best_of(ctx, model, &found.map(|s| s.values).into_iter().chain(own).collect::<Vec<_>>())
 }
 
-/// Screens the starts, then fits from the best. One from which no descent can be simulated is left out.
+/// Screens the starts that are not hopeless, then fits from the best.
 pub(crate) fn best_of(ctx: &Calibrator, model: &Model, starts: &[Vec<f64>]) -> Result<Estimate, FitError> {
-    let from = |values: &[f64], limits| attempt(ctx, model, &[], values, f64::INFINITY, limits);
-    let screened: Vec<Result<Estimate, ModelError>> = starts.par_iter().map(|values| from(values, SCREENING)).collect();
-    let cost = |screened: &Result<Estimate, ModelError>| screened.as_ref().map_or(f64::INFINITY, |state| state.cost);
-    let best = screened.into_iter().min_by(|a, b| cost(a).total_cmp(&cost(b))).ok_or(FitError::NoRun)??;
-    Ok(from(&best.values, COARSE)?)
+    let mut best: Option<Estimate> = None;
+    for values in starts {
+        let evaluated =
+            best.as_ref().map(|_| attempt(ctx, model, &[], values, f64::INFINITY, EVALUATE_ONLY)).transpose()?;
+        let hopeless =
+            evaluated.zip(best.as_ref()).is_some_and(|(start, best)| start.cost > HOPELESS_START_RATIO * best.cost);
+        if hopeless {
+            continue;
+        }
+        let state = attempt(ctx, model, &[], values, f64::INFINITY, SCREENING)?;
+        if best.as_ref().is_none_or(|b| state.cost < b.cost) {
+            best = Some(state);
+        }
+    }
+    let best = best.ok_or(FitError::NoRun)?;
+    Ok(attempt(ctx, model, &[], &best.values, f64::INFINITY, COARSE)?)
 }
 
 /// Fits the first cycles, then more of them, so that the phase locks, from each of the `starts`. Returns the best

@@ -22,12 +22,15 @@ pub(crate) const COARSE_SAMPLES: usize = 2500;
 /// off by up to 0.13 m.
 pub(crate) const LOCKING_PERIODS: [f64; 3] = [1.5, 2.7, 5.0];
 
-/// How many rivals of one kind (places, retardation times, models) are followed further. Cost: with one place the open
-/// sets have the same answers.
+/// How many rivals of one kind (starts, places, retardation times, models) are followed further. Cost: the open sets
+/// have the same answers with three starts and with four.
 pub(crate) const LEADING: usize = 3;
 /// Cost, as a share of what there was, below which several effects that may be anywhere are looked for once more. Cost,
 /// and chosen.
 pub(crate) const LOOKED_AGAIN: f64 = 0.7;
+/// A start that costs this many times the best fit so far is not descended from. Cost: where all are
+/// descended from, the open sets have the same answers.
+pub(crate) const HOPELESS_START_RATIO: f64 = 30.0;
 /// A few iterations, to see which start is worth more; also the rounds of a stepwise search over the features and over
 /// the first cycles. Tuned; data unknown.
 pub(crate) const SCREENING: Limits =
