@@ -32,6 +32,11 @@ pub enum Law {
 }
 
 impl Law {
+    /// Whether water passes from the lines that end there to those that begin there.
+    pub(crate) fn passes(&self) -> bool {
+        matches!(self, Law::Passage(_))
+    }
+
     /// What the node is at a time, for lines that share its head.
     #[inline(always)]
     fn at(&mut self, time_s: f64) -> Outlet {
@@ -84,6 +89,25 @@ impl<'a, const DOWNSTREAM: bool> Side<'a, DOWNSTREAM> {
     }
 }
 
+/// Steps a bare node ([`Junction::is_bare`]): its head and what flows out, m and m³/s.
+#[inline(always)]
+fn step_bare<const DOWNSTREAM: bool>(
+    end: &End<DOWNSTREAM>,
+    law: &mut Law,
+    drawn_m3_s: f64,
+    state: &mut State,
+    time_s: f64,
+) -> (f64, f64) {
+    let reached = end.arriving(state);
+    let (head_m, flow) = law.at(time_s).solve(reached.z, reached.e - reached.z * drawn_m3_s);
+    let flow = flow + drawn_m3_s;
+    if let Law::Tank { head_m: level_m, inflow_m3_s, .. } = law {
+        (*level_m, *inflow_m3_s) = (head_m, flow);
+    }
+    end.leave(state, head_m, End::<DOWNSTREAM>::SIGN * flow);
+    (head_m, flow)
+}
+
 /// See the module.
 pub(crate) struct Junction<'a> {
     /// Lines that end here.
@@ -99,6 +123,8 @@ pub(crate) struct Junction<'a> {
     /// Head before the closure, m: before what is there, and behind it. Where no line ends, the first is that of the
     /// water a pump takes.
     pub(crate) steady_m: [f64; 2],
+    /// It is the end of one line, with nothing but its law. On a short line most of a step is that of such ends.
+    pub(crate) is_bare: bool,
 }
 
 impl Junction<'_> {
@@ -111,8 +137,21 @@ impl Junction<'_> {
         mut wall: Option<&mut WallEnd>,
         balance: &mut Option<&mut Balance>,
     ) {
+        if self.is_bare {
+            let Junction { last, first, law, node, steady_m, .. } = self;
+            let (behind_m, out_m3_s) = match (&last.0[..], &first.0[..]) {
+                ([(end, _)], _) => step_bare(end, law, node.taken_m3_s, state, time_s),
+                (_, [(end, _)]) => step_bare(end, law, node.taken_m3_s, state, time_s),
+                _ => return,
+            };
+            if let Some(balance) = balance {
+                let into_supply = matches!(law, Law::Supply(_) | Law::Tank { .. });
+                balance.leaves(into_supply, behind_m - steady_m[1], out_m3_s);
+            }
+            return;
+        }
         let (last, first) = (self.last.arriving(state), self.first.arriving(state));
-        if let (Law::Passage(_), true) = (&self.law, first.is_something()) {
+        if self.law.passes() && first.is_something() {
             return self.pass(state, (last, first), (time_s, dt_s), balance);
         }
         let (node, mut reached, outlet) = (&mut self.node, last.and(first), self.law.at(time_s));

@@ -141,7 +141,12 @@ impl<'a> Lines<'a> {
         });
         let joints = Joints::new(joints, spread);
         let junctions = grid.ends_at(graph).into_iter().zip(laws).zip(&mut at_graph).enumerate();
+        let has_wall = wall.is_some();
         let junctions = junctions.map(|(n, (([last, first], (law, steady_m)), node))| Junction {
+            is_bare: !has_wall
+                && node.is_plain()
+                && last.len() + first.len() == 1
+                && !(first.len() == 1 && law.passes()),
             last: Side::new(last.into_iter().map(|s| End::new(steady, state, s))),
             first: Side::new(first.into_iter().map(|s| End::new(steady, state, s))),
             law,
