@@ -74,8 +74,7 @@ pub(crate) fn vanish(values: &mut [f64], starts: &[Start], model: &Model) {
 }
 
 /// Starts from a smaller fitted model. Shared parameters keep their values. A new effect is tried weak, at its own
-/// start and at each of its other starts; one more element weak, too, and split off from each of the others. Last, what
-/// is new is almost absent, so that a richer model never fits worse.
+/// start and at each of its other starts, and almost absent, so that a richer model never fits worse.
 pub(crate) fn starts_from(model: &Model, small: &Model, state: &Estimate, base: &[f64]) -> Vec<Vec<f64>> {
     let (shared, small_shared) = (model.shared.len(), small.shared.len());
     let grown = |mut start: Vec<f64>, gone: bool| {
@@ -92,13 +91,9 @@ pub(crate) fn starts_from(model: &Model, small: &Model, state: &Estimate, base: 
         start[shared..].copy_from_slice(&state.values[small_shared..]);
         start
     };
-    let absent = grown(base.to_vec(), true);
-    let mut starts = split(model, small, &absent);
-    let mut weak = starts_of(model, base);
-    if !starts.is_empty() {
-        weak.truncate(1);
-    }
-    for start in weak.into_iter().map(|s| grown(s.values, false)).chain([absent]) {
+    let mut starts: Vec<Vec<f64>> = Vec::new();
+    for start in starts_of(model, base).into_iter().map(|s| grown(s.values, false)).chain([grown(base.to_vec(), true)])
+    {
         // Other starts of an effect that the smaller model has, too, lead to the same values.
         if !starts.contains(&start) {
             starts.push(start);
@@ -107,33 +102,8 @@ pub(crate) fn starts_from(model: &Model, small: &Model, state: &Estimate, base: 
     starts
 }
 
-/// One more element than a smaller model has, split off from each of that one's: half of its compliance goes to half of
-/// its retardation time, half to twice. An element may stand for several as their mean, so that next to none of a further
-/// one leads nowhere (so Ueda et al. 2000, Neural Comput. 12, 2109, split the components of a mixture).
-fn split(model: &Model, small: &Model, absent: &[f64]) -> Vec<Vec<f64>> {
-    let grows = |i: &usize| {
-        let more = &model.effects[*i];
-        let few = small.effects.iter().find(|c| c.effect.name() == more.effect.name()).and_then(|c| c.elements);
-        few.is_some_and(|few| more.elements == Some(few + 1) && model.parameters_of(*i).len() == 2 * (few + 1))
-    };
-    let Some(own) = (0..model.effects.len()).find(grows).map(|i| model.parameters_of(i)) else { return Vec::new() };
-    let new = own.end - 2;
-    let off = |old: usize| {
-        let mut start = absent.to_vec();
-        for (element, times) in [(old, 0.5), (new, 2.0)] {
-            for (j, by) in [(0, 0.5), (1, times)] {
-                let parameter = &model.shared[element + j];
-                start[element + j] = (by * absent[old + j]).clamp(parameter.lower, parameter.upper);
-            }
-        }
-        start
-    };
-    (own.start..new).step_by(2).map(off).collect()
-}
-
 #[cfg(test)]
 mod tests {
-    use super::*;
     use crate::fit::problem::test_record::record;
     use crate::fit::search::calibrate::calibrate;
     use crate::fit::search::options::Options;
@@ -166,22 +136,6 @@ unit = "kPa"
 
     const RUN: RunValues =
         RunValues { initial_velocity_m_s: 0.3, valve_head_m: 40.0, closing_time_s: 0.035, friction_scale: 1.1 };
-
-    /// Half of each element goes to half of its time, half to twice; the last start has next to nothing of the new one.
-    #[test]
-    fn one_more_element_is_split_off_from_each() {
-        let rig = Rig::from_toml(&RIG.replace("copper", "HDPE"), "rig.toml").unwrap();
-        let water = rig.fluid.properties(20.0);
-        let [small, model] =
-            [2, 3].map(|n| Model::new(&rig, &water, &parse_list(&format!("viscoelastic-wall:{n}")).unwrap()));
-        let base: Vec<f64> = model.shared.iter().map(|p| p.start).collect();
-        let state = Estimate::unseen(vec![400.0, 0.1, 0.02, 0.2, 0.3]);
-        let starts = starts_from(&model, &small, &state, &base);
-        assert_eq!(starts.len(), 4);
-        assert_eq!(starts[0], [400.0, 0.05, 0.01, 0.2, 0.3, 0.05, 0.04]);
-        assert_eq!(starts[1], [400.0, 0.1, 0.02, 0.1, 0.15, 0.1, 0.6]);
-        assert_eq!(starts[3][..6], [400.0, 0.1, 0.02, 0.2, 0.3, model.shared[5].lower]);
-    }
 
     /// Effects that may be anywhere are found where they are, near either end and in between.
     #[test]
