@@ -139,14 +139,14 @@ impl Junction<'_> {
     ) {
         if self.is_bare {
             let Junction { last, first, law, node, steady_m, .. } = self;
-            let (behind_m, out_m3_s) = match (&last.0[..], &first.0[..]) {
+            let (head_m, out_m3_s) = match (&last.0[..], &first.0[..]) {
                 ([(end, _)], _) => step_bare(end, law, node.taken_m3_s, state, time_s),
                 (_, [(end, _)]) => step_bare(end, law, node.taken_m3_s, state, time_s),
                 _ => return,
             };
             if let Some(balance) = balance {
                 let into_supply = matches!(law, Law::Supply(_) | Law::Tank { .. });
-                balance.leaves(into_supply, behind_m - steady_m[1], out_m3_s);
+                balance.leaves(into_supply, head_m - steady_m[usize::from(into_supply)], out_m3_s);
             }
             return;
         }
