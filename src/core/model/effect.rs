@@ -116,6 +116,10 @@ pub trait Effect: Sync {
     fn searched(&self) -> bool {
         true
     }
+    /// The effect all of which it has, with something more.
+    fn extends(&self) -> Option<&'static dyn Effect> {
+        None
+    }
     /// Prior odds that it is at work, relative to other effects.
     fn odds(&self, known: &Circumstances) -> f64 {
         let _ = known;

@@ -198,6 +198,9 @@ impl Effect for DryFriction {
     fn trace(&self) -> &'static str {
         "as fluid-structure for high waves; none of the valve's motion once they are low"
     }
+    fn extends(&self) -> Option<&'static dyn Effect> {
+        Some(&FluidStructure)
+    }
     fn excludes(&self) -> &'static [(&'static str, &'static str)] {
         &[(NAME, TWICE), (FLOOR, TWICE), ("moving-valve", WHY)]
     }
@@ -245,6 +248,9 @@ impl Effect for Floor {
         &[(NAME, TWICE), (DRY, TWICE), ("moving-valve", WHY)]
     }
     /// Nobody has measured yet how well a diagnosis tells it from the other forms.
+    fn extends(&self) -> Option<&'static dyn Effect> {
+        Some(&FluidStructure)
+    }
     fn searched(&self) -> bool {
         false
     }

@@ -183,6 +183,23 @@ mod tests {
         assert_eq!(files, names);
     }
 
+    /// An effect that extends another is a variant of it, and has its parameters first.
+    #[test]
+    fn what_extends_another_effect_has_all_of_it() {
+        let rig = Rig::from_toml(crate::fit::problem::test_record::HDPE, "rig.toml").unwrap();
+        let water = rig.fluid.properties(20.0);
+        let names = |effect| {
+            let model = crate::model::Model::new(&rig, &water, &[Chosen::of(effect)]);
+            model.shared.iter().map(|p| p.name.clone()).collect::<Vec<String>>()
+        };
+        let extending = variants().filter_map(|effect| Some((effect, effect.extends()?)));
+        let checked = extending.map(|(effect, smaller)| {
+            assert!(smaller.variants().iter().any(|v| v.name() == effect.name()), "{}", effect.name());
+            assert!(names(effect).starts_with(&names(smaller)), "{}", effect.name());
+        });
+        assert_eq!(checked.count(), 2);
+    }
+
     #[test]
     fn lists_are_read_and_slips_are_explained() {
         assert!(parse_list("none").unwrap().is_empty());
