@@ -247,10 +247,10 @@ impl Effect for Floor {
     fn excludes(&self) -> &'static [(&'static str, &'static str)] {
         &[(NAME, TWICE), (DRY, TWICE), ("moving-valve", WHY)]
     }
-    /// Nobody has measured yet how well a diagnosis tells it from the other forms.
     fn extends(&self) -> Option<&'static dyn Effect> {
         Some(&FluidStructure)
     }
+    /// Nobody has measured yet how well a diagnosis tells it from the other forms.
     fn searched(&self) -> bool {
         false
     }
